@@ -1,0 +1,7 @@
+"""The physics of the hydropulse vibrator: design, equations, simulation and cycle figures."""
+from .cycles import Cycle, CycleFinder, Cycles, find_cycles
+from .simulation import ModelError, Simulation, Trace
+from .vibrator import Vibrator, VibratorError
+
+__all__ = ['Cycle', 'CycleFinder', 'Cycles', 'ModelError', 'Simulation', 'Trace', 'Vibrator',
+           'VibratorError', 'find_cycles']

@@ -1,0 +1,271 @@
+"""The running model: state, setpoints and advance()."""
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import kernel
+from .vibrator import Vibrator
+
+SWITCH = np.dtype([
+    ('time', float), ('stage_before', np.int8), ('stage_after', np.int8),
+    ('before', np.int8), ('after', np.int8), ('pressure', float), ('plunger_position', float),
+    ('plunger_velocity', float), ('pressure_max', float), ('pressure_max_time', float),
+    ('pressure_min', float), ('pressure_min_time', float), ('position_max', float),
+    ('position_max_time', float), ('position_min', float)])
+LOG_ROWS = 256
+METHODS = ('default', 'euler')
+
+
+class ModelError(RuntimeError):
+    """The model cannot go on; the message names state, setpoints and design."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """
+    What a simulation did: samples of equal spacing, and the located switches between them.
+
+    Arrays of shape (samples,): `time` s, `pressure` Pa gauge, `plunger_position` m,
+    `plunger_velocity` m/s, `sleeve_position` m, `phase` (0 closed, 1 forward, 2 open, 3 return).
+    `switches` is a structured array, one row per located switch: `time`, the phases `before` and
+    `after` it (and the finer stages), the state there (velocity before the impact), and the
+    extremes of pressure and position since the row before it, with their times. Where before ==
+    after the sleeve was reached or left, or the plunger turned back.
+    """
+
+    time: np.ndarray
+    pressure: np.ndarray
+    plunger_position: np.ndarray
+    plunger_velocity: np.ndarray
+    sleeve_position: np.ndarray
+    phase: np.ndarray
+    switches: np.ndarray
+    vibrator: Vibrator
+
+    @staticmethod
+    def join(traces) -> Trace:
+        """Put successive traces of one simulation together."""
+        traces = list(traces)
+        fields = ('time', 'pressure', 'plunger_position', 'plunger_velocity', 'sleeve_position',
+                  'phase', 'switches')
+        columns = {name: np.concatenate([getattr(trace, name) for trace in traces])
+                   for name in fields}
+        return Trace(vibrator=traces[-1].vibrator, **columns)
+
+
+def as_switches(rows: np.ndarray) -> np.ndarray:
+    """Name the columns of the kernel's log of switches; shape (n, ROW_SIZE) to (n,) records."""
+    switches = np.empty(len(rows), dtype=SWITCH)
+    before = rows[:, kernel.ROW_BEFORE].astype(np.int8)
+    after = rows[:, kernel.ROW_AFTER].astype(np.int8)
+    switches['stage_before'], switches['stage_after'] = before, after
+    switches['before'] = kernel.PHASE_OF_STAGE[before]
+    switches['after'] = kernel.PHASE_OF_STAGE[after]
+    switches['time'] = rows[:, kernel.ROW_TIME]
+    for column, name in enumerate(SWITCH.names[5:], start=kernel.ROW_P):
+        switches[name] = rows[:, column]
+    return switches
+
+
+class Simulation:
+    """
+    One vibrator in model time, starting from rest: p = 0 gauge, y = v = 0, valve closed.
+
+    `method` is 'default', or 'euler' (the paper's, with fixed `step` in s). The setpoints
+    `pump_flow` (Q_H, m³/s), `preload` (y01, m) and `load` (F_T, N, signed) can be set at any
+    time and act from the present instant on. Equal inputs give bit-identical results.
+    """
+
+    def __init__(self, vibrator: Vibrator | None = None, method: str = 'default',
+                 step: float = 1e-5):
+        if method not in METHODS:
+            raise ValueError(f'method "{method}" is none of: {", ".join(METHODS)}')
+        if not (step > 0.0 and math.isfinite(step)):
+            raise ValueError(f'step = {step} s must be positive and finite')
+        self.vibrator = Vibrator() if vibrator is None else vibrator
+        self.method = method
+        self.step = step
+        self._setpoints = [self.vibrator.pump_flow, self.vibrator.preload, self.vibrator.load]
+        self._parameters = kernel.parameters(self.vibrator)
+        self._log = np.empty((LOG_ROWS, kernel.ROW_SIZE))
+        self._no_samples = np.empty((0, kernel.SAMPLE_SIZE))
+        self._state = np.empty(kernel.STATE_SIZE)
+        self._apply()
+        self.reset()
+
+    def reset(self) -> None:
+        """Go back to rest at time 0; setpoints stay."""
+        self._state[:] = 0.0
+        self._state[kernel.LAST_SWITCH] = -1.0
+        self._time_rest = 0.0
+        self._changed = True
+
+    def _apply(self):
+        flow, preload, load = self._setpoints
+        self._parameters[kernel.PUMP_FLOW] = flow
+        self._table = kernel.stage_table(self.vibrator, preload, load)
+        self._changed = True
+
+    def _set(self, index, name, unit, value, low):
+        value = float(value)
+        if not (math.isfinite(value) and value >= low):
+            bound = f'at least {low:g} {unit} and finite' if math.isfinite(low) else 'finite'
+            raise ValueError(f'{name} = {value:g} {unit} must be {bound}')
+        if value != self._setpoints[index]:
+            self._setpoints[index] = value
+            self._apply()
+
+    @property
+    def pump_flow(self) -> float:
+        """Q_H, m³/s, in force."""
+        return self._setpoints[0]
+
+    @pump_flow.setter
+    def pump_flow(self, value):
+        self._set(0, 'pump_flow', 'm^3/s', value, 0.0)
+
+    @property
+    def preload(self) -> float:
+        """y01, m, in force."""
+        return self._setpoints[1]
+
+    @preload.setter
+    def preload(self, value):
+        self._set(1, 'preload', 'm', value, 0.0)
+
+    @property
+    def load(self) -> float:
+        """F_T, N, in force; a pull is negative."""
+        return self._setpoints[2]
+
+    @load.setter
+    def load(self, value):
+        self._set(2, 'load', 'N', value, -math.inf)
+
+    @property
+    def design(self) -> Vibrator:
+        """The vibrator with the setpoints in force as its pump flow, preload and load."""
+        return self.vibrator.replace(pump_flow=self.pump_flow, preload=self.preload,
+                                     load=self.load)
+
+    @property
+    def time(self) -> float:
+        """Model time since rest, s."""
+        return float(self._state[kernel.TIME])
+
+    @property
+    def pressure(self) -> float:
+        """p, Pa gauge, in cavity A."""
+        return float(self._state[kernel.P])
+
+    @property
+    def plunger_position(self) -> float:
+        """y, m, from the seat."""
+        return float(self._state[kernel.Y])
+
+    @property
+    def plunger_velocity(self) -> float:
+        """v, m/s, opening is positive."""
+        return float(self._state[kernel.V])
+
+    @property
+    def stage(self) -> int:
+        """Row of the phase table in which the machine is, see kernel.STAGE_NAMES."""
+        return int(self._state[kernel.STAGE])
+
+    @property
+    def phase(self) -> int:
+        """0 closed, 1 forward, 2 open, 3 return."""
+        return int(kernel.PHASE_OF_STAGE[self.stage])
+
+    @property
+    def sleeve_position(self) -> float:
+        """y2, m, from its seat."""
+        return float(kernel.sleeve_position(self.plunger_position, self.stage, self._parameters))
+
+    @property
+    def sleeve_velocity(self) -> float:
+        """dy2/dt, m/s."""
+        return float(kernel.sleeve_velocity(self.plunger_velocity, self.stage, self._parameters))
+
+    @property
+    def plunger_force(self) -> float:
+        """Net force on the plunger, N: (22); on seat and stop, what those then carry."""
+        state = self._state
+        return float(kernel.force_at(state[kernel.P], state[kernel.Y], state[kernel.V],
+                                     self.stage, self._table, self._parameters))
+
+    @property
+    def sleeve_force(self) -> float:
+        """Pressure force on the valve sleeve, N: on the ring A2 - A1 once the plunger is off."""
+        if self.stage == kernel.CLOSED:
+            return 0.0
+        ring = self.vibrator.sleeve_seat_area - self.vibrator.plunger_seat_area
+        return ring * (self.pressure - self.vibrator.drain_pressure)
+
+    def advance(self, duration: float, sample_rate: float = 10_000.0) -> Trace:
+        """
+        Run for `duration` s of model time and return what happened.
+
+        Samples are taken at the multiples of 1/sample_rate (Hz) of model time after the present
+        instant, the last instant included, so that successive traces join without a seam.
+        Raises ValueError for a negative or infinite duration, ModelError where the model chatters.
+        """
+        if not (sample_rate > 0.0 and math.isfinite(sample_rate)):
+            raise ValueError(f'sample_rate = {sample_rate} Hz must be positive and finite')
+        sample_rate = float(sample_rate)
+        until = self._end(duration)
+        first, last = self._grid(self.time, sample_rate) + 1, self._grid(until, sample_rate)
+        samples = np.empty((max(0, last - first + 1), kernel.SAMPLE_SIZE))
+        rows = self._run(until, samples, first, sample_rate)
+        columns = np.ascontiguousarray(samples.T)
+        return Trace(*columns[:kernel.SAMPLE_PHASE],
+                     phase=columns[kernel.SAMPLE_PHASE].astype(np.int8),
+                     switches=as_switches(rows), vibrator=self.design)
+
+    def tick(self, duration: float) -> np.ndarray:
+        """
+        Run for `duration` s without samples: what a real-time loop calls.
+
+        Returns the kernel's rows of the switches located on the way, shape (n, ROW_SIZE).
+        """
+        return self._run(self._end(duration), self._no_samples, 0, 1.0)
+
+    def _end(self, duration):
+        if not (duration >= 0.0 and math.isfinite(duration)):
+            raise ValueError(f'duration = {duration} s must be finite and not negative')
+        # Compensated sum: a million ticks of 1 ms are 1000 s to the last bit.
+        compensated = duration + self._time_rest
+        until = self.time + compensated
+        self._time_rest = compensated - (until - self.time)
+        return until
+
+    @staticmethod
+    def _grid(time, rate):
+        """Index of the last sample at or before `time`."""
+        position = time * rate
+        return math.floor(position + 1e-9 + 4e-16 * position)
+
+    def _run(self, until, samples, first, rate):
+        logs = []
+        written = 0
+        while True:
+            code, count, used = kernel.advance_euler(
+                self._state, self._table, self._parameters, self._changed, until, self.step,
+                first + written, rate, samples[written:], self._log)
+            self._changed = False
+            written += count
+            if code == kernel.CHATTER:
+                raise ModelError(self._chatter())
+            logs.append(self._log[:used].copy())
+            if code == kernel.DONE:
+                return logs[0] if len(logs) == 1 else np.concatenate(logs)
+
+    def _chatter(self):
+        return (f'more than {kernel.SWITCHES_AT_ONCE} switches at one instant: t = {self.time} s, '
+                f'p = {self.pressure} Pa gauge, y = {self.plunger_position} m, '
+                f'v = {self.plunger_velocity} m/s, stage "{kernel.STAGE_NAMES[self.stage]}", '
+                f'{self.design}')

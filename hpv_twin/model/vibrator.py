@@ -1,0 +1,257 @@
+"""The design of a hydropulse vibrator: every number of the model, with unit, symbol and origin."""
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+ATMOSPHERE = 101_325.0  # Pa; a gauge pressure cannot fall below its negative
+
+
+class VibratorError(ValueError):
+    """A design that cannot be: the message names the source, the field, the value and the bound."""
+
+
+def quantity(default, unit, symbol, text, origin, low=-math.inf, high=math.inf, above=None):
+    """Declare one field of Vibrator: `low` and `high` are allowed values, `above` is not."""
+    return dataclasses.field(default=default, metadata={
+        'unit': unit, 'symbol': symbol, 'text': text, 'origin': origin,
+        'low': low, 'high': high, 'above': above})
+
+
+@dataclass(frozen=True)
+class Vibrator:
+    """
+    One vibrator with its oil, its pump flow and its load. SI units; all pressures are gauge.
+
+    The defaults are the base design, which shows what the paper reports (55 Hz, 2.0 mm, 16 MPa,
+    3 MPa, dwell 15 % of the forward stroke). The paper gives no masses, stiffnesses or diameters:
+    `origin` in each field's metadata says whether a value is the paper's, derived or chosen.
+    `python -m hpv_twin.study.base_design` finds the derived ones again.
+    """
+
+    plunger_seat_diameter: float = quantity(
+        0.011, 'm', 'd1', 'mean diameter of the plunger seat, first sealing stage',
+        'chosen: the smallest round size that also reaches 150 Hz', high=1.0, above=0.0)
+    sleeve_seat_diameter: float = quantity(
+        0.027642307, 'm', 'd2', 'mean diameter of the valve-sleeve seat, second sealing stage',
+        'derived: return stroke starts at 3.0 MPa, by (3)', high=1.0, above=0.0)
+    stroke: float = quantity(
+        0.002, 'm', 'h_b', 'full stroke of the plunger, also the opening of the valve',
+        'paper: 2.0 mm', high=0.1, above=0.0)
+    gap_ratio: float = quantity(
+        0.4, '1', 'h_s/h_b', 'gap between sleeve and plunger, as a share of the stroke',
+        'paper: 0.2 to 0.5, 0.4 in its equations', low=0.2, high=0.5)
+    plunger_mass: float = quantity(
+        0.50345885, 'kg', 'm1', 'plunger with the slotted spring, (4)',
+        'derived: dwell is 15 % of the forward stroke', high=1e3, above=0.0)
+    sleeve_mass: float = quantity(
+        0.1, 'kg', 'm2', 'valve sleeve with twisted spring, stepped sleeve and ring, (5)',
+        'chosen: well below the plunger mass, as the paper says', low=0.0, high=1e3)
+    slotted_spring_stiffness: float = quantity(
+        2.5e5, 'N/m', 'k1', 'slotted spring, (21)',
+        'chosen: with d1 it carries 150 Hz (2e5 N/m with 10 mm stops at 143 Hz)',
+        high=1e10, above=0.0)
+    preload: float = quantity(
+        5.2014456e-3, 'm', 'y01', 'preliminary deformation of the slotted spring',
+        'derived: highest pressure 16.0 MPa', low=0.0, high=1.0)
+    twisted_spring_stiffness: float = quantity(
+        1e4, 'N/m', 'k2', 'twisted spring of the valve sleeve', 'chosen: k2 << k1, as under (34)',
+        low=0.0, high=1e10)
+    twisted_spring_preload: float = quantity(
+        4e-3, 'm', 'y02', 'preliminary deformation of the twisted spring',
+        'chosen: the sleeve seals with 67 kPa, by (2)', low=0.0, high=1.0)
+    cavity_volume: float = quantity(
+        1.0342933e-3, 'm^3', 'W0', 'pressure cavity A with the hose',
+        'derived: 55 Hz at the base pump flow, by (7)', high=10.0, above=0.0)
+    line_length: float = quantity(
+        1.5, 'm', 'L0', 'length of the averaged hydraulic line, (9); its section is A0 = W0/L0',
+        'paper: hose below 1.5 m', high=1e3, above=0.0)
+    bulk_modulus: float = quantity(
+        1.4e9, 'Pa', 'kappa', 'effective bulk modulus of the oil with its air',
+        'paper: 1.4e9 Pa, 2 to 3 % undissolved air', high=1e12, above=0.0)
+    density: float = quantity(
+        870.0, 'kg/m^3', 'rho_e', 'oil density', 'paper: IGP-30 at 40 degC', high=1e5, above=0.0)
+    dynamic_viscosity: float = quantity(
+        0.026, 'Pa s', 'mu_e', 'dynamic viscosity of the oil', 'paper: IGP-30 at 40 degC',
+        low=0.0, high=1e3)
+    flow_coefficient: float = quantity(
+        0.62, '1', 'xi_H', 'flow coefficient of the open slot',
+        'chosen: sharp edge, as textbooks have it', high=2.0, above=0.0)
+    viscous_friction: float = quantity(
+        60.0, 'N s/m', 'c1', 'viscous friction of plunger and sleeve in their guides',
+        'chosen: light damping, below 5 % of critical', low=0.0, high=1e9)
+    line_damping: float | None = quantity(
+        None, 'N s/m', 'c0', 'dashpot of the hydraulic link; null: mu_e*A0/L0, (19) with its '
+        'missing length', 'derived by (19), about 1e-5 N s/m; identify it from measurements',
+        low=0.0, high=1e9)
+    drain_pressure: float = quantity(
+        0.0, 'Pa', 'p_dp', 'pressure in the drain cavity, gauge', 'paper: neglected',
+        low=-ATMOSPHERE, high=1e9)
+    pump_flow: float = quantity(
+        7.3e-4, 'm^3/s', 'Q_H', 'flow of the pump',
+        'paper: pump QH-32, 32 cm^3/rev at 1450 rpm and 94 %', low=0.0, high=1.0)
+    load: float = quantity(
+        0.0, 'N', 'F_T', 'technological resistance on the plunger, a pull is negative',
+        'chosen: the paper states no load', low=-1e9, high=1e9)
+
+    def __post_init__(self):
+        for field in dataclasses.fields(self):
+            value = check_quantity(field, getattr(self, field.name))
+            object.__setattr__(self, field.name, value)
+        if self.sleeve_seat_diameter <= self.plunger_seat_diameter:
+            raise VibratorError(
+                f'sleeve_seat_diameter (d2) = {self.sleeve_seat_diameter:g} m must exceed '
+                f'plunger_seat_diameter (d1) = {self.plunger_seat_diameter:g} m')
+
+    def replace(self, **changes) -> Vibrator:
+        """Return the design with some fields changed; the result is validated."""
+        return dataclasses.replace(self, **changes)
+
+    @property
+    def plunger_seat_area(self) -> float:
+        """A1, m²: what the pressure acts on before the sleeve is reached."""
+        return math.pi / 4.0 * self.plunger_seat_diameter ** 2
+
+    @property
+    def sleeve_seat_area(self) -> float:
+        """A2, m²: what the pressure acts on once plunger and sleeve move together."""
+        return math.pi / 4.0 * self.sleeve_seat_diameter ** 2
+
+    @property
+    def line_area(self) -> float:
+        """A0 = W0/L0, m²: section of the averaged hydraulic line, (8)."""
+        return self.cavity_volume / self.line_length
+
+    @property
+    def gap(self) -> float:
+        """h_s, m: the plunger takes the sleeve along from here."""
+        return self.gap_ratio * self.stroke
+
+    @property
+    def line_damping_in_force(self) -> float:
+        """c0, N·s/m: the field, or (19) with the length it lacks in print."""
+        if self.line_damping is not None:
+            return self.line_damping
+        return self.dynamic_viscosity * self.line_area / self.line_length
+
+    @property
+    def return_pressure(self) -> float:
+        """p2, Pa gauge: balance at full stroke, (3) corrected; the return stroke starts here."""
+        spring = self.slotted_spring_stiffness * (self.preload + self.stroke)
+        return self.drain_pressure + (spring + self.load) / self.sleeve_seat_area
+
+    @property
+    def opening_pressure(self) -> float:
+        """p1, Pa gauge: balance on the seat, (1) with the twisted spring's help."""
+        spring = (self.slotted_spring_stiffness * self.preload
+                  - self.twisted_spring_stiffness * self.twisted_spring_preload)
+        return self.drain_pressure + (spring + self.load) / self.plunger_seat_area
+
+    @property
+    def critical_flow(self) -> float:
+        """Q_crit, m³/s: at this pump flow and above, the open valve never empties the cavity."""
+        drop = max(self.return_pressure - self.drain_pressure, 0.0)
+        slot = self.flow_coefficient * math.pi * self.sleeve_seat_diameter * self.stroke
+        return slot * math.sqrt(2.0 * drop / self.density)
+
+    @classmethod
+    def load_yaml(cls, text: str, source: str = 'vibrator') -> Vibrator:
+        """Read a design from YAML text; keys that are absent keep the base design's value."""
+        try:
+            return cls(**read_mapping(text))
+        except VibratorError as error:
+            raise VibratorError(f'{source}: {error}') from None
+
+    def to_yaml(self) -> str:
+        """Write the design as YAML, each value with its unit, symbol, meaning and origin."""
+        base = Vibrator()
+        lines = ['# A hydropulse vibrator. SI units; every pressure is gauge.']
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            meta = field.metadata
+            origin = meta['origin'] if value == getattr(base, field.name) else 'set by the user'
+            lines += ['', f'# {meta["symbol"]} [{meta["unit"]}]: {meta["text"]}', f'# {origin}',
+                      f'{field.name}: {yaml_number(value)}']
+        return '\n'.join(lines) + '\n'
+
+
+def _load(cls, path) -> Vibrator:
+    """Read a design from a YAML file; a VibratorError names file, key, value and bound."""
+    try:
+        text = Path(path).read_text(encoding='utf-8')
+    except UnicodeDecodeError:
+        raise VibratorError(f'{path}: not a text file (UTF-8 YAML expected)') from None
+    except OSError as error:
+        raise VibratorError(f'{path}: {error.strerror or error}') from None
+    return cls.load_yaml(text, str(path))
+
+
+# `load` is both the field F_T and the reader of files: a classmethod gives way to the instance's
+# own value, so Vibrator.load(path) reads a design and Vibrator().load is its load in N.
+Vibrator.load = classmethod(_load)
+
+
+def yaml_number(value) -> str:
+    """Format a number so that every YAML reader takes it for one (1.4e9 needs its sign: 1.4e+9)."""
+    if value is None:
+        return 'null'
+    text = repr(float(value))
+    if 'e' in text:
+        mantissa, exponent = text.split('e')
+        mantissa += '' if '.' in mantissa else '.0'
+        text = f'{mantissa}e{int(exponent):+d}'
+    return text
+
+
+def read_mapping(text: str) -> dict:
+    """Parse YAML text into keyword arguments of Vibrator; unknown keys get the nearest name."""
+    try:
+        data = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        mark = getattr(error, 'problem_mark', None)
+        where = f'line {mark.line + 1}, column {mark.column + 1}: ' if mark else ''
+        problem = getattr(error, 'problem', None) or getattr(error, 'reason', None) or 'unreadable'
+        raise VibratorError(f'not YAML: {where}{problem}') from None
+    except (ValueError, RecursionError, OverflowError) as error:
+        raise VibratorError(f'not YAML: {error}') from None
+    if data is None:
+        raise VibratorError('empty: expected "field: value" lines')
+    if not isinstance(data, dict):
+        raise VibratorError(f'expected "field: value" lines, found a {type(data).__name__}')
+    names = [field.name for field in dataclasses.fields(Vibrator)]
+    for key in data:
+        if key not in names:
+            near = difflib.get_close_matches(str(key), names, n=1)
+            hint = f'; did you mean "{near[0]}"?' if near else ''
+            raise VibratorError(f'unknown field "{key}"{hint}')
+    return data
+
+
+def check_quantity(field, value):
+    """Return the field's value as a float (or None where it may be), or raise VibratorError."""
+    meta = field.metadata
+    label = f'{field.name} ({meta["symbol"]})'
+    if value is None and field.default is None:
+        return None
+    if value is None or isinstance(value, bool):
+        raise VibratorError(f'{label} = {value}: a number in {meta["unit"]} is expected')
+    try:
+        # Text too: YAML 1.1 takes 1.4e9 for text, its numbers want a dot and a signed exponent.
+        value = float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise VibratorError(f'{label} = {str(value)[:60]!r} is not a number '
+                            f'in {meta["unit"]}') from None
+    if not math.isfinite(value):
+        raise VibratorError(f'{label} = {value} is not a finite number')
+    if meta['above'] is not None and value <= meta['above']:
+        raise VibratorError(
+            f'{label} = {value:g} {meta["unit"]} must be above {meta["above"]:g} {meta["unit"]}')
+    if not meta['low'] <= value <= meta['high']:
+        raise VibratorError(f'{label} = {value:g} {meta["unit"]} is outside '
+                            f'[{meta["low"]:g}, {meta["high"]:g}] {meta["unit"]}')
+    return value

@@ -1,0 +1,1 @@
+"""Offline work on the model: design, validation, calibration and studies."""
