@@ -29,10 +29,13 @@ AREA, MASS, DISPLACED, S0, S1, FORCE0, KS, FLOW, LOW, HIGH = range(10)
 # Entries of the parameter vector.
 STIFFNESS, PUMP_FLOW, DRAIN, FRICTION, ORIFICE, STROKE, PICK_UP, GAP, SLEEVE_RATIO = range(9)
 # Entries of the state: time, gauge pressure, position, velocity, stage, the number of switches at
-# the instant of the last one and that instant, and the extremes since the last row of the log.
+# the instant of the last one and that instant, the extremes since the last row of the log.
 TIME, P, Y, V, STAGE, REPEATS, LAST_SWITCH = range(7)
 P_MAX, T_P_MAX, P_MIN, T_P_MIN, Y_MAX, T_Y_MAX, Y_MIN = range(7, 14)
-STATE_SIZE = 14
+# Where the present stage, or the present series in it, began; which series is in use (-1: none),
+# the place in the cycle since its opening (-1: it did not begin with one), the series in store.
+ANCHOR_TIME, ANCHOR_P, ACTIVE, CURSOR, STORED = range(14, 19)
+STATE_SIZE = 19
 # Columns of the log of located switches.
 ROW_TIME, ROW_BEFORE, ROW_AFTER, ROW_P, ROW_Y, ROW_V = range(6)
 ROW_P_MAX, ROW_T_P_MAX, ROW_P_MIN, ROW_T_P_MIN, ROW_Y_MAX, ROW_T_Y_MAX, ROW_Y_MIN = range(6, 13)
@@ -47,7 +50,7 @@ VACUUM = -101_325.0  # Pa gauge: the oil cavitates, pressure falls no further
 SWITCHES_AT_ONCE = 4
 NEVER = np.inf
 
-inner = numba.njit(error_model='numpy')
+inner = numba.njit(error_model='numpy', _nrt=False)
 
 
 def entry(function):
@@ -57,7 +60,7 @@ def entry(function):
     Without a writable place for it the model is compiled in memory at each start, and says so.
     """
     try:
-        return numba.njit(cache=True, error_model='numpy')(function)
+        return numba.njit(cache=True, error_model='numpy', _nrt=False)(function)
     except RuntimeError:
         warnings.warn('no writable place for the compiled model: compiling it anew takes some '
                       'seconds at each start; NUMBA_CACHE_DIR can name one', stacklevel=2)
@@ -129,10 +132,10 @@ def net_force(p, y, v, balance, area, force0, ks, flow, friction):
 @entry
 def force_at(p, y, v, stage, table, par):
     """Net force, N, at this state in this stage."""
-    row = table[stage]
-    balance = flow_balance(p, y, v, row[DISPLACED], row[S0], row[S1],
+    balance = flow_balance(p, y, v, table[stage, DISPLACED], table[stage, S0], table[stage, S1],
                            par[PUMP_FLOW], par[DRAIN], par[ORIFICE])
-    return net_force(p, y, v, balance, row[AREA], row[FORCE0], row[KS], row[FLOW], par[FRICTION])
+    return net_force(p, y, v, balance, table[stage, AREA], table[stage, FORCE0],
+                     table[stage, KS], table[stage, FLOW], par[FRICTION])
 
 
 @entry
@@ -155,12 +158,18 @@ def sleeve_velocity(v, stage, par):
 
 
 @inner
-def extend_extremes(state):
-    """Let the extremes since the last logged row take in the present state."""
+def extend_pressure(state):
+    """Let the extremes of pressure since the last logged row take in the present one."""
     if state[P] > state[P_MAX]:
         state[P_MAX], state[T_P_MAX] = state[P], state[TIME]
     if state[P] < state[P_MIN]:
         state[P_MIN], state[T_P_MIN] = state[P], state[TIME]
+
+
+@inner
+def extend_extremes(state):
+    """Let the extremes since the last logged row take in the present state."""
+    extend_pressure(state)
     if state[Y] > state[Y_MAX]:
         state[Y_MAX], state[T_Y_MAX] = state[Y], state[TIME]
     state[Y_MIN] = min(state[Y_MIN], state[Y])
@@ -178,11 +187,11 @@ def restart_extremes(state):
 def log_row(state, stage_after, log, used):
     """Write a located switch (or a turning point, with one stage twice) with its extremes."""
     extend_extremes(state)
-    row = log[used]
-    row[ROW_TIME], row[ROW_BEFORE], row[ROW_AFTER] = state[TIME], state[STAGE], stage_after
-    row[ROW_P], row[ROW_Y], row[ROW_V] = state[P], state[Y], state[V]
+    log[used, ROW_TIME], log[used, ROW_BEFORE] = state[TIME], state[STAGE]
+    log[used, ROW_AFTER] = stage_after
+    log[used, ROW_P], log[used, ROW_Y], log[used, ROW_V] = state[P], state[Y], state[V]
     for k in range(7):
-        row[ROW_P_MAX + k] = state[P_MAX + k]
+        log[used, ROW_P_MAX + k] = state[P_MAX + k]
     restart_extremes(state)
     return used + 1
 
@@ -221,8 +230,16 @@ def enter(state, stage, par):
     state[STAGE] = stage
     if stage == CLOSED:
         state[Y] = state[V] = 0.0
+        state[CURSOR] = -1.0
     elif stage == OPEN:
         state[Y], state[V] = par[STROKE], 0.0
+    anchor(state)
+
+
+@inner
+def anchor(state):
+    """Count from here: the stage, or the setpoints, are new."""
+    state[ANCHOR_TIME], state[ANCHOR_P], state[ACTIVE] = state[TIME], state[P], -1.0
 
 
 @inner
@@ -263,14 +280,19 @@ def switch_to(state, stage, table, par, changed, log, used):
 
 
 @inner
-def write_sample(state, par, samples, index):
-    """Write the present state as one line of the samples."""
+def put_sample(samples, k, time, p, y, v, sleeve, stage):
+    """Write line `k` of the samples."""
+    samples[k, SAMPLE_TIME], samples[k, SAMPLE_P] = time, p
+    samples[k, SAMPLE_Y], samples[k, SAMPLE_V] = y, v
+    samples[k, SAMPLE_SLEEVE], samples[k, SAMPLE_PHASE] = sleeve, PHASE_OF_STAGE[stage]
+
+
+@inner
+def write_sample(state, par, samples, k):
+    """Write the present state as line `k` of the samples."""
     stage = int(state[STAGE])
-    line = samples[index]
-    line[SAMPLE_TIME], line[SAMPLE_P] = state[TIME], state[P]
-    line[SAMPLE_Y], line[SAMPLE_V] = state[Y], state[V]
-    line[SAMPLE_SLEEVE] = sleeve_position(state[Y], stage, par)
-    line[SAMPLE_PHASE] = PHASE_OF_STAGE[stage]
+    put_sample(samples, k, state[TIME], state[P], state[Y], state[V],
+               sleeve_position(state[Y], stage, par), stage)
 
 
 # The paper's integrator -------------------------------------------------------------------------
@@ -353,12 +375,13 @@ def settle_force(state, stage, table, par, sign):
     The force is zero where this switch is located; were it a hair on the wrong side, the plunger
     would be found to move back through the seat or the stop that it is leaving.
     """
-    ulp = sign * 2.3e-16 * max(abs(state[P]), 1.0)
+    hair = 1e-14 * abs(table[stage, FORCE0])
+    nudge = sign * max(hair / table[stage, AREA], 2.3e-16 * abs(state[P]))
     for _ in range(100):
+        state[P] += nudge
         if sign * force_at(state[P], state[Y], 0.0, stage, table, par) >= 0.0:
             return
-        state[P] += ulp
-        ulp *= 2.0
+        nudge *= 2.0
 
 
 @inner
@@ -476,3 +499,601 @@ def advance_euler(state, table, par, changed, until, step, first, rate, samples,
             written += 1
         else:
             return DONE, written, used
+
+
+# The default integrator --------------------------------------------------------------------------
+#
+# CLOSED and OPEN are solved in closed form. A moving plunger is followed by Taylor series of the
+# equations themselves, summed to rounding: where no slot is open these are the series of the
+# exponentials that solve the linear equations, and cheaper than the exponentials; elsewhere they
+# are a high-order method. Every series is a polynomial, so samples, extremes and switches are
+# found on it, and neither a sample nor the end of a slice ends it: however `advance` is sliced,
+# the same series are evaluated.
+#
+# In the root law sqrt(p - p_dp) a series in time converges no further than the pressure stays away
+# from the drain's. In the parameter s of dt = w ds, with w = sqrt((p - p_dp)/d) and d the value of
+# p - p_dp at the start of the series, everything is polynomial:
+#     dw/ds = kappa/(2 W0 d)*balance,  dy/ds = w v,  dv/ds = w F/m,  dt/ds = w,
+# and the discharge, an exponential in s, takes a few steps instead of dozens.
+#
+# An opening fixes p, y and v: while the setpoints stay, every cycle that begins with one runs
+# through the same states. Its series are kept and used again until a setpoint changes; a cycle
+# then costs little more than its samples.
+
+ORDER_FREE = 20  # no slot open: the coefficients cost next to nothing
+ORDER_SLOT = 24
+TOLERANCE = 1e-12  # last terms of a series, relative to the stroke and to the pressure's scale
+PRESSURE_SCALE = 1e6  # Pa
+# Below this the slot's flow is linear in the pressure: the root has no slope at zero.
+LAMINAR = 1.0  # Pa above the drain
+ROOT_LAMINAR = math.sqrt(LAMINAR)
+MARGIN = 1e-6  # Pa by which the laws of flow overlap
+RELEASE = 1e-15  # m³/s: the vacuum lets go when this much oil is to spare
+INVERSE = 1.0 / np.arange(1.0, ORDER_SLOT + 1.0)
+# Rows of the workspace, coefficients in the parameter of the series: w (root law) or p - p_dp
+# (else), y, v, net force, time; a row to spare; and a row of facts about the series.
+LEVEL, POSITION, VELOCITY, FORCE, CLOCK, SPARE, FACTS = range(7)
+# Facts: law of flow, order, p - p_dp at the start, where it ends and how long that takes, what
+# happens there, where the pressure turns on the way (and its value), and the state at the end.
+MODE, ORDER, ABOVE, END, DURATION, TURNS, LEAVES, DIRECTION = range(8)
+TURN_TIME, TURN_P, END_P, END_Y, END_V = range(8, 13)
+ORBIT = 48  # series kept from an opening on; what comes after uses the last place again and again
+WORKSPACE = (ORBIT + 1, 7, ORDER_SLOT + 1)
+LONGEST = 1.0  # s: a plunger at rest has a series without end
+# How oil leaves: not at all at the vacuum limit, not while below the drain, by the linear or by
+# the root law.
+AT_VACUUM, DRY, LINEAR, TURBULENT = range(4)
+
+
+@inner
+def horner(c, order, at):
+    """Value of the polynomial c[0] + c[1]*at + ...; its even and odd terms are summed abreast."""
+    square = at * at
+    first = order - (order & 1)
+    even, odd = c[first], 0.0
+    if order & 1:
+        odd = c[order]
+    for k in range(first - 2, -1, -2):
+        even = even * square + c[k]
+        odd = odd * square + c[k + 1]
+    return even + at * odd
+
+
+@inner
+def crossing(c, order, level, side, end, guess):
+    """
+    First place in (0, end] at which side*(c - level) falls below zero; it is below at `end`.
+
+    Newton's method from a guess, kept inside a bracket; the polynomial is taken to be above at 0
+    even where rounding, or a start on the level itself, hides it.
+    """
+    low, high = 0.0, end
+    at = guess
+    for _ in range(100):
+        # Value and slope, even and odd terms apart.
+        square = at * at
+        first = order - (order & 1)
+        even, odd, even_slope, odd_slope = c[first], 0.0, 0.0, 0.0
+        if order & 1:
+            odd = c[order]
+        for k in range(first - 2, -1, -2):
+            even_slope = even_slope * square + even
+            odd_slope = odd_slope * square + odd
+            even = even * square + c[k]
+            odd = odd * square + c[k + 1]
+        value = side * (even + at * odd - level)
+        steep = side * (2.0 * at * even_slope + odd + 2.0 * square * odd_slope)
+        if value < 0.0:
+            high = at
+        else:
+            low = at
+        following = at - value / steep if steep != 0.0 else low
+        if not low < following < high:
+            following = 0.5 * (low + high)
+            if following == low or following == high:
+                return at
+        elif abs(following - at) <= 1e-8 * end:
+            # The next step would be the square of this one.
+            return following
+        at = following
+    return at
+
+
+@inner
+def turning(c, row, order, end):
+    """Place in (0, end) at which row `row` turns; its slope has opposite signs at the ends."""
+    for k in range(order):
+        c[SPARE, k] = (k + 1.0) * c[row, k + 1]
+    side = 1.0 if c[row, 1] > 0.0 else -1.0
+    return crossing(c[SPARE], order - 1, 0.0, side, end, 0.5 * end)
+
+
+@inner
+def flow_mode(p, v, row, par):
+    """Which law of flow holds at this gauge pressure, Pa, and velocity."""
+    if p <= VACUUM and par[PUMP_FLOW] - row[DISPLACED] * v < 0.0:
+        return AT_VACUUM
+    if (row[S0] == 0.0 and row[S1] == 0.0) or p < par[DRAIN]:
+        return DRY
+    return LINEAR if p - par[DRAIN] < LAMINAR else TURBULENT
+
+
+@inner
+def level_limits(mode, slotted, above, drain):
+    """
+    Bounds of the LEVEL row within which a law of flow holds.
+
+    They overlap by MARGIN, so that a pressure that has crossed one of them is well inside the next.
+    """
+    if mode == TURBULENT:
+        return math.sqrt((LAMINAR - MARGIN) / above), NEVER
+    if mode == LINEAR:
+        return -MARGIN, LAMINAR + MARGIN
+    if mode == DRY:
+        return VACUUM - drain - MARGIN, MARGIN if slotted else NEVER
+    return -NEVER, NEVER
+
+
+@inner
+def free_series(c, above, y, v, row, par, mode):
+    """Series in time of the motion while no oil passes the slot; `above` is p - p_dp."""
+    stiffness = 0.0 if mode == AT_VACUUM else par[STIFFNESS]
+    displaced, area, ks, flow = row[DISPLACED], row[AREA], row[KS], row[FLOW]
+    friction, to_velocity = par[FRICTION], 1.0 / row[MASS]
+    c[LEVEL, 0], c[POSITION, 0], c[VELOCITY, 0] = above, y, v
+    balance = par[PUMP_FLOW] - displaced * v
+    force = area * (above + par[DRAIN]) + row[FORCE0] - ks * y - friction * v + flow * balance
+    for k in range(ORDER_FREE):
+        level, position = stiffness * balance * INVERSE[k], v * INVERSE[k]
+        v = force * to_velocity * INVERSE[k]
+        c[LEVEL, k + 1], c[POSITION, k + 1], c[VELOCITY, k + 1] = level, position, v
+        balance = -displaced * v
+        force = area * level - ks * position - friction * v + flow * balance
+    return ORDER_FREE
+
+
+@inner
+def linear_series(c, above, y, v, row, par):
+    """Series in time with the slot s = S0 + y open and its flow linear in the pressure."""
+    orifice = par[ORIFICE] / ROOT_LAMINAR
+    displaced, to_velocity = row[DISPLACED], 1.0 / row[MASS]
+    c[LEVEL, 0], c[POSITION, 0], c[VELOCITY, 0] = above, y, v
+    pump, constant = par[PUMP_FLOW], row[AREA] * par[DRAIN] + row[FORCE0]
+    for k in range(ORDER_SLOT):
+        through = row[S0] * c[LEVEL, k]
+        for j in range(k + 1):
+            through += c[POSITION, j] * c[LEVEL, k - j]
+        balance = pump - orifice * through - displaced * c[VELOCITY, k]
+        force = (constant + row[AREA] * c[LEVEL, k] - row[KS] * c[POSITION, k]
+                 - par[FRICTION] * c[VELOCITY, k] + row[FLOW] * balance)
+        pump = constant = 0.0
+        c[LEVEL, k + 1] = par[STIFFNESS] * balance * INVERSE[k]
+        c[POSITION, k + 1] = c[VELOCITY, k] * INVERSE[k]
+        c[VELOCITY, k + 1] = force * to_velocity * INVERSE[k]
+    return ORDER_SLOT
+
+
+@inner
+def root_series(c, above, y, v, row, par, order):
+    """Series in the parameter s of dt = w ds with the slot S0 + y open under the root law."""
+    half = 0.5 * par[STIFFNESS] / above
+    orifice = par[ORIFICE] * math.sqrt(above)
+    pressing = row[AREA] * above
+    displaced, ks, flow, s0 = row[DISPLACED], row[KS], row[FLOW], row[S0]
+    friction, to_velocity = par[FRICTION], 1.0 / row[MASS]
+    c[LEVEL, 0], c[POSITION, 0], c[VELOCITY, 0], c[CLOCK, 0] = 1.0, y, v, 0.0
+    pump, constant = par[PUMP_FLOW], row[AREA] * par[DRAIN] + row[FORCE0]
+    for k in range(order):
+        # The products with w that the k-th coefficients need: y*w, v*w, w*w, and F*w but for its
+        # newest term.
+        position = velocity = square = force = 0.0
+        for j in range(k):
+            w = c[LEVEL, k - j]
+            position += c[POSITION, j] * w
+            velocity += c[VELOCITY, j] * w
+            square += c[LEVEL, j] * w
+            force += c[FORCE, j] * w
+        position += c[POSITION, k]
+        velocity += c[VELOCITY, k]
+        square += c[LEVEL, k]
+        balance = pump - orifice * (s0 * c[LEVEL, k] + position) - displaced * c[VELOCITY, k]
+        newest = (constant + pressing * square - ks * c[POSITION, k]
+                  - friction * c[VELOCITY, k] + flow * balance)
+        pump = constant = 0.0
+        c[FORCE, k] = newest
+        c[LEVEL, k + 1] = half * balance * INVERSE[k]
+        c[POSITION, k + 1] = velocity * INVERSE[k]
+        c[VELOCITY, k + 1] = (force + newest) * to_velocity * INVERSE[k]
+        c[CLOCK, k + 1] = c[LEVEL, k] * INVERSE[k]
+    return order
+
+
+@inner
+def reach(c, order, stroke, unit):
+    """Length over which the series holds to the tolerance, from its last two terms."""
+    last = max(abs(c[LEVEL, order]) / unit, abs(c[POSITION, order]) / stroke)
+    before = max(abs(c[LEVEL, order - 1]) / unit, abs(c[POSITION, order - 1]) / stroke)
+    length = NEVER
+    if last > 0.0:
+        length = math.log(TOLERANCE / last) / order
+    if before > 0.0:
+        length = min(length, math.log(TOLERANCE / before) / (order - 1))
+    return min(math.exp(length), LONGEST)
+
+
+@inner
+def direction_of(c, order):
+    """Sign of the velocity just after the start of the series; 0 at rest for good."""
+    for k in range(order + 1):
+        if c[VELOCITY, k] != 0.0:
+            return 1.0 if c[VELOCITY, k] > 0.0 else -1.0
+    return 0.0
+
+
+@inner
+def monotone_end(c, order, direction, end):
+    """Up to `end` or, before it, the first place at which the plunger turns round."""
+    velocity = c[VELOCITY]
+    if direction * horner(velocity, order, end) < 0.0:
+        return crossing(velocity, order, 0.0, direction, end, end), True
+    if direction * velocity[1] < 0.0:
+        slope = order * velocity[order]
+        for k in range(order - 1, 0, -1):
+            slope = slope * end + k * velocity[k]
+        if direction * slope > 0.0:
+            # Slower, then faster: it may have turned twice.
+            slowest = turning(c, VELOCITY, order, end)
+            if direction * horner(velocity, order, slowest) < 0.0:
+                return crossing(velocity, order, 0.0, direction, slowest, slowest), True
+    return end, False
+
+
+@inner
+def level_end(c, order, low, high, end):
+    """
+    Up to `end` or, before it, the first place at which the LEVEL row leaves [low, high].
+
+    Returns that place, and where the row turns on the way, or `end` if it does not.
+    """
+    level = c[LEVEL]
+    slope = order * level[order]
+    for k in range(order - 1, 0, -1):
+        slope = slope * end + k * level[k]
+    turn = end
+    if level[1] * slope < 0.0:
+        turn = turning(c, LEVEL, order, end)
+        value = horner(level, order, turn)
+        if value > high:
+            return crossing(level, order, high, -1.0, turn, turn), end
+        if value < low:
+            return crossing(level, order, low, 1.0, turn, turn), end
+    value = horner(level, order, end)
+    if value > high:
+        end = crossing(level, order, high, -1.0, end, end)
+    elif value < low:
+        end = crossing(level, order, low, 1.0, end, end)
+    return end, turn
+
+
+@inner
+def pressure_at(c, drain, at):
+    """Gauge pressure, Pa, on the series."""
+    level = horner(c[LEVEL], int(c[FACTS, ORDER]), at)
+    return (c[FACTS, ABOVE] * level * level if c[FACTS, MODE] == TURBULENT else level) + drain
+
+
+@inner
+def place_of(c, time):
+    """Parameter of the series at `time` s after its start."""
+    if c[FACTS, MODE] != TURBULENT or time <= 0.0:
+        return max(time, 0.0)
+    if time >= c[FACTS, DURATION]:
+        return c[FACTS, END]
+    end = c[FACTS, END]
+    return crossing(c[CLOCK], int(c[FACTS, ORDER]), time, -1.0, end,
+                    end * time / c[FACTS, DURATION])
+
+
+@inner
+def moving_end(c, order, mode, above, row, par):
+    """
+    How far the series goes: to its reach or to an event, whichever comes first.
+
+    Returns (end, whether the plunger turns there, whether it leaves the stage there, in which
+    direction it goes, where the pressure turns on the way, or `end` if it does not).
+    """
+    unit = PRESSURE_SCALE
+    if mode == TURBULENT:
+        unit = max(1.0, math.sqrt(PRESSURE_SCALE / above))
+    end = reach(c, order, par[STROKE], unit)
+    direction = direction_of(c, order)
+    end, turns = monotone_end(c, order, direction, end)
+    bound = row[HIGH] if direction > 0.0 else row[LOW]
+    leaves = direction * (horner(c[POSITION], order, end) - bound) > 0.0
+    if leaves:
+        end, turns = crossing(c[POSITION], order, bound, -direction, end, end), False
+    low, high = level_limits(mode, row[S1] != 0.0, above, par[DRAIN])
+    reached, turn = level_end(c, order, low, high, end)
+    if mode == AT_VACUUM:
+        released = (par[PUMP_FLOW] - RELEASE) / row[DISPLACED]
+        if horner(c[VELOCITY], order, reached) < released:
+            reached = crossing(c[VELOCITY], order, released, 1.0, reached, reached)
+    if reached < end:
+        end, turns, leaves = reached, False, False
+    return end, turns, leaves, direction, min(turn, end)
+
+
+@inner
+def expand(c, state, row, par):
+    """Fill `c` with the series of the motion from the present state, and with its facts."""
+    mode = flow_mode(state[P], state[V], row, par)
+    above, y, v = state[P] - par[DRAIN], state[Y], state[V]
+    if mode == TURBULENT:
+        order = root_series(c, above, y, v, row, par, ORDER_SLOT)
+    elif mode == LINEAR:
+        order = linear_series(c, above, y, v, row, par)
+    else:
+        order = free_series(c, above, y, v, row, par, mode)
+    end, turns, leaves, direction, turn = moving_end(c, order, mode, above, row, par)
+    facts = c[FACTS]
+    facts[MODE], facts[ORDER], facts[ABOVE], facts[END] = mode, order, above, end
+    facts[TURNS], facts[LEAVES], facts[DIRECTION] = turns, leaves, direction
+    facts[DURATION] = horner(c[CLOCK], order, end) if mode == TURBULENT else end
+    facts[TURN_TIME] = -1.0
+    if turn < end:
+        facts[TURN_TIME] = horner(c[CLOCK], order, turn) if mode == TURBULENT else turn
+        facts[TURN_P] = pressure_at(c, par[DRAIN], turn)
+    facts[END_P] = max(pressure_at(c, par[DRAIN], end), VACUUM)
+    facts[END_Y] = horner(c[POSITION], order, end)
+    if leaves:
+        facts[END_Y] = row[HIGH] if direction > 0.0 else row[LOW]
+    facts[END_V] = 0.0 if turns else horner(c[VELOCITY], order, end)
+
+
+@inner
+def series_in_use(state, table, par, store):
+    """Place in store of the series that holds now, whether in use, kept from before, or new."""
+    if state[ACTIVE] < 0.0:
+        cursor = int(state[CURSOR])
+        place = cursor if 0 <= cursor < ORBIT else ORBIT
+        if place == ORBIT or cursor >= int(state[STORED]):
+            expand(store[place], state, table[int(state[STAGE])], par)
+        if place < ORBIT:
+            state[CURSOR] = cursor + 1.0
+            state[STORED] = max(state[STORED], state[CURSOR])
+        state[ACTIVE], state[ANCHOR_TIME] = place, state[TIME]
+    return int(state[ACTIVE])
+
+
+@inner
+def moving_samples(c, until, state, par, first, rate, samples, written):
+    """Write the samples that lie on the series up to `until`; returns how many there are now."""
+    stage, order = int(state[STAGE]), int(c[FACTS, ORDER])
+    while written < len(samples):
+        time = (first + written) / rate
+        if time > until:
+            break
+        at = place_of(c, time - state[ANCHOR_TIME])
+        y = horner(c[POSITION], order, at)
+        put_sample(samples, written, time, pressure_at(c, par[DRAIN], at), y,
+                   horner(c[VELOCITY], order, at), sleeve_position(y, stage, par), stage)
+        written += 1
+    return written
+
+
+@inner
+def moving_stop(state, c, par, until):
+    """Leave the state at `until`, on the series, which stays in use."""
+    at = place_of(c, until - state[ANCHOR_TIME])
+    order = int(c[FACTS, ORDER])
+    state[TIME], state[P] = until, pressure_at(c, par[DRAIN], at)
+    state[Y], state[V] = horner(c[POSITION], order, at), horner(c[VELOCITY], order, at)
+
+
+@inner
+def exact_moving(state, table, par, until, store, first, rate, samples, written, log, used):
+    """
+    Follow a moving plunger on one series, to its end or to `until`.
+
+    Returns samples written and log rows used (or -1 for chatter).
+    """
+    # Facts are read one by one: a view of the row would cost more than all the rest.
+    i = series_in_use(state, table, par, store)
+    stage = int(state[STAGE])
+    if stage == SLOT and store[i, FACTS, DIRECTION] < 0.0:
+        after = neighbour(stage, state[Y], -1.0, par)
+        return written, switch_to(state, after, table, par, False, log, used)
+    end = state[ANCHOR_TIME] + store[i, FACTS, DURATION]
+    if written < len(samples) and (first + written) / rate <= min(end, until):
+        written = moving_samples(store[i], min(end, until), state, par, first, rate, samples,
+                                 written)
+    if end > until:
+        moving_stop(state, store[i], par, until)
+        return written, used
+    if store[i, FACTS, TURN_TIME] >= 0.0:
+        state[TIME] = state[ANCHOR_TIME] + store[i, FACTS, TURN_TIME]
+        state[P] = store[i, FACTS, TURN_P]
+        extend_pressure(state)
+    state[TIME], state[P] = end, store[i, FACTS, END_P]
+    state[Y], state[V] = store[i, FACTS, END_Y], store[i, FACTS, END_V]
+    turns, direction = store[i, FACTS, TURNS] != 0.0, store[i, FACTS, DIRECTION]
+    if store[i, FACTS, LEAVES] != 0.0 or (turns and stage == SLOT):
+        after = neighbour(stage, state[Y], -1.0 if turns else direction, par)
+        return written, switch_to(state, after, table, par, False, log, used)
+    if turns and direction > 0.0:
+        used = log_row(state, stage, log, used)
+    extend_extremes(state)
+    anchor(state)
+    return written, used
+
+
+@inner
+def straight_samples(state, until, rise, first, rate, samples, written):
+    """Write the samples up to `until` while the plunger stands and p = p_a + rise*(t - t_a)."""
+    stage, y = int(state[STAGE]), state[Y]
+    start, p = state[ANCHOR_TIME], state[ANCHOR_P]
+    while written < len(samples):
+        time = (first + written) / rate
+        if time > until:
+            break
+        put_sample(samples, written, time, p + rise * (time - start), y, 0.0, y, stage)
+        written += 1
+    return written
+
+
+@inner
+def exact_closed(state, table, par, until, first, rate, samples, written, log, used):
+    """Build-up: the pressure rises in a straight line, (7), until the net force is zero."""
+    row = table[CLOSED]
+    rise = par[STIFFNESS] * par[PUMP_FLOW]
+    limit = -(row[FORCE0] + row[FLOW] * par[PUMP_FLOW]) / row[AREA]
+    end = NEVER
+    if rise > 0.0:
+        end = state[ANCHOR_TIME] + max(limit - state[ANCHOR_P], 0.0) / rise
+    written = straight_samples(state, min(end, until), rise, first, rate, samples, written)
+    if end > until:
+        state[P] = state[ANCHOR_P] + rise * (until - state[ANCHOR_TIME])
+        state[TIME] = until
+        extend_extremes(state)
+        return written, used
+    state[P], state[TIME] = limit, end
+    settle_force(state, CLOSED, table, par, 1.0)
+    state[CURSOR] = 0.0
+    return written, switch_to(state, LIFT, table, par, False, log, used)
+
+
+@inner
+def root_after(root, still, reduced):
+    """
+    Square root of the pressure above the drain after a reduced time, with the slot fully open.
+
+    2u du/dt = (kappa/W0)(Q_H - b u) gives u - u0 + r ln((u - r)/(u0 - r)) = -T with u = `root` at
+    the start, r = Q_H/b = `still` where it ends, T = t*b*kappa/(2*W0) = `reduced`. With
+    u - r = (u0 - r) exp(-x) that is (u0 - r)(1 - exp(-x)) + r x = T, on which Newton's method
+    converges from one side.
+    """
+    if still == 0.0:
+        return max(root - reduced, 0.0)
+    excess = root - still
+    x = reduced / still + 1.0
+    if excess > 0.0 or reduced < x * root:
+        x = reduced / root
+    for _ in range(60):
+        gone = -math.expm1(-x)
+        step = (excess * gone + still * x - reduced) / (excess * (1.0 - gone) + still)
+        x -= step
+        if abs(step) <= 1e-15 * x:
+            break
+    return still + excess * math.exp(-x)
+
+
+@inner
+def time_to_root(root, target, still):
+    """Reduced time, as in `root_after`, until the root has fallen or risen to `target`."""
+    reduced = root - target
+    if still > 0.0:
+        reduced += still * math.log1p((root - target) / (target - still))
+    return reduced
+
+
+@inner
+def leaving_root(row, par, root, still):
+    """Root of the pressure above the drain at which the open plunger starts back, or -1."""
+    # area u^2 - push u + constant = 0, with the line's dashpot in `push`; see net_force.
+    area = row[AREA]
+    push = row[FLOW] * par[ORIFICE] * row[S0]
+    constant = (area * par[DRAIN] + row[FORCE0] - row[KS] * par[STROKE]
+                + row[FLOW] * par[PUMP_FLOW])
+    under = push * push - 4.0 * area * constant
+    if under < 0.0:
+        return -1.0
+    upper = (push + math.sqrt(under)) / (2.0 * area)
+    lower = constant / (area * upper) if upper > 0.0 else -1.0
+    if still < upper <= root:
+        return upper
+    return lower if root <= lower < still else -1.0
+
+
+@inner
+def exact_refill(state, par, until, first, rate, samples, written):
+    """Open valve, pressure below the drain's: nothing flows out, the pressure rises by (7)."""
+    rise = par[STIFFNESS] * par[PUMP_FLOW]
+    end = NEVER
+    if rise > 0.0:
+        end = state[ANCHOR_TIME] + (par[DRAIN] - state[ANCHOR_P]) / rise
+    written = straight_samples(state, min(end, until), rise, first, rate, samples, written)
+    if end > until:
+        state[P] = state[ANCHOR_P] + rise * (until - state[ANCHOR_TIME])
+        state[TIME] = until
+        extend_extremes(state)
+    else:
+        state[P], state[TIME] = par[DRAIN], end
+        extend_extremes(state)
+        anchor(state)
+    return written
+
+
+@inner
+def exact_open(state, table, par, until, first, rate, samples, written, log, used):
+    """Dwell: time is explicit in the pressure; ends where the net force is zero, (3)."""
+    if state[ANCHOR_P] < par[DRAIN]:
+        return exact_refill(state, par, until, first, rate, samples, written), used
+    row = table[OPEN]
+    root = math.sqrt(state[ANCHOR_P] - par[DRAIN])
+    slot = par[ORIFICE] * row[S0]
+    still = par[PUMP_FLOW] / slot
+    pace = 0.5 * par[STIFFNESS] * slot
+    target = leaving_root(row, par, root, still)
+    end = NEVER
+    if target >= 0.0:
+        end = state[ANCHOR_TIME] + time_to_root(root, target, still) / pace
+    while written < len(samples) and (first + written) / rate <= min(end, until):
+        time = (first + written) / rate
+        then = root_after(root, still, max(time - state[ANCHOR_TIME], 0.0) * pace)
+        put_sample(samples, written, time, then * then + par[DRAIN], state[Y], 0.0, state[Y], OPEN)
+        written += 1
+    if end > until:
+        then = root_after(root, still, (until - state[ANCHOR_TIME]) * pace)
+        state[P], state[TIME] = then * then + par[DRAIN], until
+        extend_extremes(state)
+        return written, used
+    state[P], state[TIME] = target * target + par[DRAIN], end
+    settle_force(state, OPEN, table, par, -1.0)
+    return written, switch_to(state, RETURN_HIGH, table, par, False, log, used)
+
+
+@entry
+def advance_exact(state, table, par, changed, until, store, first, rate, samples, log):
+    """
+    Integrate to the time `until`: closed forms and Taylor series, switches located on them.
+
+    Samples, return values and the log are those of `advance_euler`.
+    """
+    used = 0
+    written = 0
+    if changed:
+        state[REPEATS], state[CURSOR], state[STORED] = 0.0, -1.0, 0.0
+        anchor(state)
+        used = switch_to(state, next_stage(state, table, par, True), table, par, True, log, used)
+        if used < 0:
+            return CHATTER, written, 0
+    while state[TIME] < until:
+        if used > len(log) - 2 * SWITCHES_AT_ONCE:
+            return LOG_FULL, written, used
+        stage = int(state[STAGE])
+        if stage == CLOSED:
+            written, used = exact_closed(state, table, par, until, first, rate, samples, written,
+                                         log, used)
+        elif stage == OPEN:
+            written, used = exact_open(state, table, par, until, first, rate, samples, written,
+                                       log, used)
+        else:
+            written, used = exact_moving(state, table, par, until, store, first, rate,
+                                         samples, written, log, used)
+        if used < 0:
+            return CHATTER, written, 0
+    while written < len(samples):
+        # The last sample may lie past the end by rounding.
+        write_sample(state, par, samples, written)
+        written += 1
+    return DONE, written, used

@@ -91,6 +91,10 @@ class Simulation:
         self._setpoints = [self.vibrator.pump_flow, self.vibrator.preload, self.vibrator.load]
         self._parameters = kernel.parameters(self.vibrator)
         self._log = np.empty((LOG_ROWS, kernel.ROW_SIZE))
+        if method == 'euler':
+            self._integrator = kernel.advance_euler, float(step)
+        else:
+            self._integrator = kernel.advance_exact, np.zeros(kernel.WORKSPACE)
         self._no_samples = np.empty((0, kernel.SAMPLE_SIZE))
         self._state = np.empty(kernel.STATE_SIZE)
         self._apply()
@@ -253,8 +257,9 @@ class Simulation:
         logs = []
         written = 0
         while True:
-            code, count, used = kernel.advance_euler(
-                self._state, self._table, self._parameters, self._changed, until, self.step,
+            integrate, how = self._integrator
+            code, count, used = integrate(
+                self._state, self._table, self._parameters, self._changed, until, how,
                 first + written, rate, samples[written:], self._log)
             self._changed = False
             written += count
