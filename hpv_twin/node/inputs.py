@@ -1,0 +1,57 @@
+"""Setpoints from outside: accepted or refused, counted, with a reason a person can act on."""
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from dataclasses import dataclass
+
+from .units import both
+
+WARN_EVERY = 2.0  # s, per setpoint and reason
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Bounds of a setpoint with the names of the parameters they come from; SI."""
+
+    low: float
+    high: float
+    low_name: str
+    high_name: str
+
+
+class Inputs:
+    """Checks setpoints; `warn(text)` is called for refusals, at most every 2 s for each kind."""
+
+    def __init__(self, warn, clock=time.monotonic):
+        self._warn, self._clock = warn, clock
+        self._warned: dict[tuple[str, str], float] = {}
+        self.accepted: Counter = Counter()
+        self.refused: Counter = Counter()
+        self.last_accepted: dict[str, float] = {}
+
+    def check(self, name: str, value: float, limits: Limits, in_force: float) -> bool:
+        """Whether the setpoint may be obeyed; a refusal is counted, and warned of in words."""
+        if not math.isfinite(value):
+            reason, bound = 'not finite', 'a finite number is expected'
+        elif value < limits.low:
+            reason, bound = 'below its limit', f'{limits.low_name} is {both(name, limits.low)}'
+        elif value > limits.high:
+            reason, bound = 'above its limit', f'{limits.high_name} is {both(name, limits.high)}'
+        else:
+            self.accepted[name] += 1
+            self.last_accepted[name] = self._clock()
+            return True
+        self.refused[name, reason] += 1
+        now = self._clock()
+        if now - self._warned.get((name, reason), -math.inf) >= WARN_EVERY:
+            self._warned[name, reason] = now
+            self._warn(f'{name} setpoint {both(name, value)} refused, {reason}: {bound}; '
+                       f'{both(name, in_force)} stays in force')
+        return False
+
+    def age(self, name: str) -> float | None:
+        """Seconds since a setpoint was last accepted; None if never."""
+        since = self.last_accepted.get(name)
+        return None if since is None else self._clock() - since

@@ -1,0 +1,256 @@
+"""The ROS 2 node: a declarative shell that wires topics, parameters and services to the loop."""
+from __future__ import annotations
+
+import difflib
+import math
+import threading
+from pathlib import Path
+
+from builtin_interfaces.msg import Time
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Float64
+from std_srvs.srv import SetBool, Trigger
+
+from hpv_twin.model import Vibrator
+
+from .health import HEARTBEAT_LIMIT, Health
+from .inputs import Inputs, Limits
+from .interface import NODE_NAME, OUTPUTS, PARAMETERS, SETPOINTS
+from .loop import Loop
+from .pacing import SECOND
+from .plant import Plant
+from .records import make_recorder
+from .units import both
+
+COMPILING = 'compiling the model; this happens once and takes about ten seconds'
+# Declared by rclpy itself.
+FOREIGN_PARAMETERS = ('use_sim_time', 'start_type_description_service')
+
+
+class ParameterError(ValueError):
+    """A parameter that cannot be used; the message names it, its value and its bound."""
+
+
+class TwinNode(Node):
+    """The twin. `start()` lets model time run; `close()` ends the loop and the recording."""
+
+    def __init__(self):
+        super().__init__(NODE_NAME, automatically_declare_parameters_from_overrides=True)
+        self.before_speaking = lambda: None
+        self.settings = self._declare()
+        vibrator = self._design()
+        self.inputs = Inputs(lambda text: self.say('warning', text))
+        rate = self.settings['publish_rate']
+        self._out = {output.name: (index, self.create_publisher(output.type, output.name,
+                                                                output.qos(rate)))
+                     for index, output in enumerate(OUTPUTS.values())}
+        self.recorder = make_recorder(self, vibrator, self._out)
+        plant = Plant(vibrator, self.settings['ambient_pressure'])
+        self.loop = Loop(plant, rate, self.settings['speed'], self._publish, float_payload)
+        self.health = Health(self.get_fully_qualified_name(), self.loop, self.inputs,
+                             self.recorder, rate)
+        if not self.loop.exact_templates:
+            self.say('warning', 'serialized messages differ from the templates: publishing the '
+                     'slow way')
+        self._listen()
+        self._serve()
+        self.add_pre_set_parameters_callback(self._as_declared)
+        self.add_on_set_parameters_callback(self._check_live)
+        self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    # Parameters --------------------------------------------------------------------------------
+
+    def _declare(self) -> dict:
+        """Declare the parameters with their bounds; values given from outside are checked."""
+        given = {name: parameter.value
+                 for name, parameter in self.get_parameters_by_prefix('').items()}
+        settings = {}
+        for name in given:
+            if name in FOREIGN_PARAMETERS or name.startswith('qos_overrides.'):
+                continue
+            if name not in PARAMETERS:
+                near = difflib.get_close_matches(name, PARAMETERS, n=1)
+                hint = f'; did you mean "{near[0]}"?' if near else ''
+                self.say('warning', f'unknown parameter "{name}" is ignored{hint}')
+            self.undeclare_parameter(name)
+        for name, parameter in PARAMETERS.items():
+            value = given.get(name, parameter.default)
+            if value is not None:
+                value = checked(parameter, value)
+                self.declare_parameter(name, value, parameter.descriptor(), ignore_override=True)
+            settings[name] = value
+        return settings
+
+    def _design(self) -> Vibrator:
+        """The vibrator file with the initial setpoints that parameters give."""
+        path = self.settings['vibrator']
+        vibrator = Vibrator.load(path) if path else Vibrator()
+        for name, setpoint in SETPOINTS.items():
+            if self.settings[name] is not None:
+                vibrator = vibrator.replace(**{name: self.settings[name]})
+            else:
+                self.settings[name] = getattr(vibrator, name)
+                self.declare_parameter(name, self.settings[name], PARAMETERS[name].descriptor(),
+                                       ignore_override=True)
+            limits = self.limits(name)
+            value = getattr(vibrator, setpoint.field)
+            if not limits.low <= value <= limits.high:
+                bounds = f'[{both(name, limits.low)}, {both(name, limits.high)}]'
+                raise ParameterError(f'initial {name} {both(name, value)} is outside {bounds} of '
+                                     f'{limits.low_name} and {limits.high_name}')
+        return vibrator
+
+    def limits(self, name: str) -> Limits:
+        """Bounds of a setpoint as the parameters have them now."""
+        setpoint = SETPOINTS[name]
+        low = self.get_parameter(setpoint.low).value if setpoint.low else 0.0
+        return Limits(low, self.get_parameter(setpoint.high).value,
+                      setpoint.low or 'the lowest', setpoint.high)
+
+    @staticmethod
+    def _as_declared(parameters):
+        """Take an integer given for a double as a double."""
+        return [RosParameter(p.name, RosParameter.Type.DOUBLE, float(p.value))
+                if p.type_ == RosParameter.Type.INTEGER and p.name in PARAMETERS
+                and PARAMETERS[p.name].kind is float else p for p in parameters]
+
+    def _check_live(self, parameters):
+        """Refuse live changes that would leave a limit without meaning."""
+        values = {name: self.get_parameter(name).value for name in ('load_min', 'load_max')}
+        values |= {p.name: p.value for p in parameters if p.name in values}
+        if values['load_min'] > values['load_max']:
+            return SetParametersResult(successful=False, reason=(
+                f'load_min {values["load_min"]:g} N is above load_max {values["load_max"]:g} N'))
+        return SetParametersResult(successful=True)
+
+    # In and out --------------------------------------------------------------------------------
+
+    def _listen(self):
+        newest_only = QoSProfile(depth=1)
+        for name, setpoint in SETPOINTS.items():
+            def receive(message, name=name, setpoint=setpoint):
+                in_force = getattr(self.loop.plant.simulation, setpoint.field)
+                if self.inputs.check(name, message.data, self.limits(name), in_force):
+                    self.loop.set(setpoint.field, message.data)
+            self.create_subscription(Float64, setpoint.topic, receive, newest_only)
+
+    def _publish(self, name, stamp, payload):
+        """Called by the loop's thread for every message."""
+        index, publisher = self._out[name]
+        publisher.publish(payload)
+        if self.recorder is not None:
+            self.recorder.write(index, stamp, payload)
+
+    def _report(self):
+        report = self.health.report()
+
+        def send(stamp):
+            report.header.stamp = Time(sec=stamp // SECOND, nanosec=stamp % SECOND)
+            self._publish('/diagnostics', stamp, serialize_message(report))
+        if self.loop.silence() < HEARTBEAT_LIMIT:
+            self.loop.post(send)
+        else:
+            report.header.stamp = self.get_clock().now().to_msg()
+            self._out['/diagnostics'][1].publish(report)
+
+    # Services ----------------------------------------------------------------------------------
+
+    def _serve(self):
+        self.create_service(Trigger, '~/reset', self._reset)
+        self.create_service(SetBool, '~/pause', self._pause)
+        self.create_service(SetBool, '~/record', self._record)
+
+    def _reset(self, _request, response):
+        response.success = self.loop.call(self.loop.plant.reset)
+        response.message = 'at rest' if response.success else 'the pacing thread does not answer'
+        return response
+
+    def _pause(self, request, response):
+        self.loop.pause(request.data)
+        response.success = True
+        response.message = 'paused' if request.data else 'running'
+        return response
+
+    def _record(self, request, response):
+        if self.recorder is None:
+            response.success, response.message = False, 'recordings cannot be written here'
+            return response
+        finished = self.recorder.stop()
+        started = self.start_recording() if request.data else None
+        response.success = not request.data or started is not None
+        parts = [f'finished {finished}' if finished else '',
+                 f'recording to {started}' if started else '',
+                 '' if response.success else f'not recording: {self.recorder.status.error}']
+        response.message = '; '.join(filter(None, parts)) or 'not recording'
+        return response
+
+    # Life --------------------------------------------------------------------------------------
+
+    def start_recording(self) -> Path | None:
+        """Open a new file that begins with the setpoints in force."""
+        stamp = self.loop.last_stamp
+        simulation = self.loop.plant.simulation
+        opening = [(self._out[f'~/{name}'][0], stamp,
+                    float_payload(getattr(simulation, setpoint.field)))
+                   for name, setpoint in SETPOINTS.items()]
+        return self.recorder.start(opening)
+
+    def say(self, level: str, text: str) -> None:
+        """Log a line; each level has a call of its own, as rclpy demands."""
+        self.before_speaking()
+        log = self.get_logger()
+        if level == 'error':
+            log.error(text)
+        elif level == 'warning':
+            log.warning(text)
+        else:
+            log.info(text)
+
+    def warm_up(self) -> None:
+        """Have everything compiled before the clock starts, and say so if it takes its time."""
+        notice = threading.Timer(1.5, self.say, ('info', COMPILING))
+        notice.start()
+        spare = Plant(self.loop.plant.simulation.vibrator, 0.0)
+        spare.tick(0.05)
+        spare.position_values()
+        notice.cancel()
+
+    def start(self) -> None:
+        """Publish the setpoints in force, open the recording, let model time run."""
+        if self.recorder is not None and self.settings['record']:
+            self.start_recording()
+        for setpoint in SETPOINTS.values():
+            _, publisher = self._out[f'~/{setpoint.name}']
+            publisher.publish(float_payload(getattr(self.loop.plant.simulation, setpoint.field)))
+        self.loop.start()
+
+    def close(self) -> None:
+        """Stop the loop, finish the recording. Can be called twice."""
+        self.loop.stop()
+        if self.recorder is not None:
+            self.recorder.close()
+
+
+def float_payload(value: float) -> bytes:
+    """A serialized std_msgs/Float64."""
+    return serialize_message(Float64(data=float(value)))
+
+
+def checked(parameter, value):
+    """Return a value of the declared type, or raise ParameterError naming type and bound."""
+    if parameter.kind is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if not isinstance(value, parameter.kind):
+        kind = {float: 'a number', bool: 'true or false', str: 'text'}[parameter.kind]
+        raise ParameterError(f'parameter {parameter.name} = {value!r}: {kind} is expected '
+                             f'({parameter.text})')
+    if parameter.low is not None and not (
+            math.isfinite(value) and parameter.low <= value <= parameter.high):
+        raise ParameterError(f'parameter {parameter.name} = {value:g} is outside '
+                             f'[{parameter.low:g}, {parameter.high:g}] ({parameter.text})')
+    return value

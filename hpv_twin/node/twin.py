@@ -1,0 +1,151 @@
+"""
+`hpv-twin twin`: the real-time twin as a process: signals, threads, an orderly end.
+
+Three threads: this one waits for signals and keeps the terminal's status line; the pacing thread
+runs the model and publishes; the executor's thread serves setpoints, services and parameters.
+"""
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+
+# The pacing thread waits this long at most for the interpreter's lock.
+SWITCH_INTERVAL = 0.5e-3
+# Between two spins of the executor: a flood of messages cannot starve the pacing thread.
+BETWEEN_SPINS = 1e-3
+IMPATIENCE = 3  # signals after which the process ends without ceremony
+
+
+class StopSignal:
+    """SIGINT and SIGTERM, however many: a wish to end, not an exception in the middle of it."""
+
+    def __init__(self):
+        self._wished = threading.Event()
+        self._count = 0
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._note)
+
+    def _note(self, number, _frame):
+        self._count += 1
+        self._wished.set()
+        if self._count >= IMPATIENCE + 1:
+            os._exit(128 + number)
+
+    def wish(self) -> None:
+        """Ask for the end from inside."""
+        self._wished.set()
+
+    def is_set(self) -> bool:
+        """Whether the process was asked to end."""
+        return self._wished.is_set()
+
+    def wait(self, seconds: float) -> bool:
+        """Wait; True as soon as the process is asked to end."""
+        return self._wished.wait(seconds)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the twin until a signal; 0 after an orderly end, 1 on failure, 2 for bad parameters."""
+    stop = StopSignal()
+    argv = sys.argv[1:] if argv is None else argv
+    if '--help' in argv or '-h' in argv:
+        print(help_text())
+        return 0
+    return run(argv, stop)
+
+
+def run(argv, stop) -> int:
+    """Start ROS, build the node, serve it until the end."""
+    import rclpy
+    from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+    from rclpy.signals import SignalHandlerOptions
+
+    from hpv_twin.model import VibratorError
+
+    from .node import ParameterError, TwinNode
+
+    try:
+        rclpy.init(args=['twin', *argv], signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:
+        print(f'hpv-twin twin: {one_line(error)}', file=sys.stderr)
+        return 2
+    try:
+        node = TwinNode()
+    except (ParameterError, VibratorError, InvalidParameterTypeException,
+            InvalidParameterValueException) as error:
+        print(f'hpv-twin twin: {one_line(error)}', file=sys.stderr)
+        rclpy.try_shutdown()
+        return 2
+    try:
+        return serve(node, stop)
+    finally:
+        node.close()
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def one_line(error) -> str:
+    """An exception's text without its line breaks."""
+    return ' '.join(str(error).split())
+
+
+def serve(node, stop) -> int:
+    """Run the loop and the executor until a signal or a failure."""
+    from .console import Console
+
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    console = Console()
+    node.before_speaking = console.clear
+    node.warm_up()
+    executor_thread = threading.Thread(target=spin, args=(node, stop), name='executor')
+    node.start()
+    executor_thread.start()
+    console.banner(node)
+    while not stop.wait(1.0) and node.loop.failure is None:
+        console.status(node)
+    console.clear()
+    stop.wish()
+    executor_thread.join(timeout=1.0)
+    if node.loop.failure is not None:
+        node.say('error', f'the pacing thread has died: {node.loop.failure!r}')
+        return 1
+    return 0
+
+
+def spin(node, stop) -> None:
+    """Serve callbacks one at a time with a pause after each."""
+    from rclpy.executors import SingleThreadedExecutor
+
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    while not stop.is_set():
+        executor.spin_once(timeout_sec=0.1)
+        time.sleep(BETWEEN_SPINS)
+    executor.shutdown(timeout_sec=0.5)
+
+
+def help_text() -> str:
+    """`--help`: usage, examples, parameters with defaults."""
+    from .interface import PARAMETERS, SETPOINTS
+    lines = ['usage: hpv-twin twin [--ros-args -p NAME:=VALUE … -r __ns:=/NAMESPACE …]', '',
+             'The real-time twin of a hydropulse vibrator. It publishes pressure and plunger',
+             'position at 1 kHz, takes setpoints while it runs and records to bags/.', '',
+             'examples:',
+             '  hpv-twin twin',
+             '  hpv-twin twin --ros-args -p pump_flow:=3.65e-4 -p record:=false',
+             '  hpv-twin twin --ros-args -p vibrator:=my_vibrator.yaml -r __ns:=/left', '',
+             'setpoint topics (std_msgs/msg/Float64):']
+    lines += [f'  {setpoint.topic:28}{setpoint.text}, {setpoint.unit}'
+              for setpoint in SETPOINTS.values()]
+    lines += ['', 'parameters:']
+    lines += [f'  {parameter.name:28}{parameter.text}'
+              + ('' if parameter.default in (None, '') else f' [{parameter.default}]')
+              for parameter in PARAMETERS.values()]
+    return '\n'.join(lines)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,192 @@
+"""The real node, its real messages, and what an operator can do to it."""
+import signal
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+from diagnostic_msgs.msg import DiagnosticArray
+from mcap.reader import make_reader
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Float64
+from std_srvs.srv import SetBool, Trigger
+
+from hpv_twin.model import Simulation, find_cycles
+
+AMBIENT = 101_325.0
+
+
+def stamp(message):
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+
+
+def rises(time, pressure, level=8e6):
+    """Instants at which the pressure passes a level upwards."""
+    k = np.nonzero((pressure[1:] >= level) & (pressure[:-1] < level))[0]
+    share = (level - pressure[k]) / (pressure[k + 1] - pressure[k])
+    return time[k] + share * (time[k + 1] - time[k])
+
+
+def expected_frequency(**setpoints):
+    simulation = Simulation()
+    for name, value in setpoints.items():
+        setattr(simulation, name, value)
+    return find_cycles(simulation.advance(1.0)).frequency[-1]
+
+
+def value_of(messages, part, key):
+    """The newest value of a key in the diagnostics of a part."""
+    for message in reversed(messages):
+        for status in message.status:
+            if status.name.endswith(f': {part}'):
+                return {pair.key: pair.value for pair in status.values}.get(key)
+    return None
+
+
+def test_a_subscriber_sees_the_machine_of_the_paper(start_twin, ear):
+    start_twin()
+    pressure = ear.listen(FluidPressure, '/hpv_twin/pressure')
+    position = ear.listen(JointState, '/hpv_twin/plunger_position')
+    ear.until(lambda: len(pressure) > 3000 and len(position) > 3000, '3 s of messages')
+    times = np.array([stamp(message) for message in pressure])
+    steps = np.diff(times)
+    assert (steps >= 999_000).all()
+    assert (steps <= 1_001_000).mean() > 0.99
+    assert list(position[0].name) == ['plunger', 'valve_sleeve']
+    assert not set(map(stamp, pressure[500:2500])) - set(map(stamp, position))
+    gauge = np.array([message.fluid_pressure for message in pressure]) - AMBIENT
+    frequency = 1.0 / np.median(np.diff(rises(times * 1e-9 - times[0] * 1e-9, gauge)))
+    assert frequency == pytest.approx(55.0, abs=0.5)
+    assert gauge.max() == pytest.approx(16e6, abs=0.1e6)
+    assert max(message.position[0] for message in position) == 2e-3
+    assert max(message.position[1] for message in position) == 2e-3
+
+
+def test_setpoints_take_effect_and_are_announced(start_twin, ear):
+    start_twin()
+    frequency = ear.listen(Float64, '/hpv_twin/frequency')
+    in_force = ear.listen(Float64, '/hpv_twin/pump_flow', latched=True)
+    ear.until(lambda: len(frequency) > 5 and in_force, 'cycles')
+    assert in_force[0].data == 7.3e-4
+    ear.say('/hpv_twin/pump_flow_setpoint', 3.65e-4)
+    ear.until(lambda: in_force[-1].data == 3.65e-4, 'the new flow in force')
+    settled = len(frequency) + 8
+    ear.until(lambda: len(frequency) > settled, 'cycles at the new flow')
+    assert frequency[-1].data == pytest.approx(expected_frequency(pump_flow=3.65e-4), rel=1e-3)
+    ear.say('/hpv_twin/preload_setpoint', 4e-3)
+    settled = len(frequency) + 20
+    ear.until(lambda: len(frequency) > settled, 'cycles at the new preload')
+    expected = expected_frequency(pump_flow=3.65e-4, preload=4e-3)
+    assert frequency[-1].data == pytest.approx(expected, rel=1e-3)
+
+
+def test_bad_setpoints_are_refused_and_change_nothing(start_twin, ear):
+    twin = start_twin()
+    frequency = ear.listen(Float64, '/hpv_twin/frequency')
+    in_force = ear.listen(Float64, '/hpv_twin/pump_flow', latched=True)
+    report = ear.listen(DiagnosticArray, '/diagnostics')
+    ear.until(lambda: len(frequency) > 5 and in_force, 'cycles')
+    for value in (float('nan'), float('inf'), -1e-6, 5e-3):
+        ear.say('/hpv_twin/pump_flow_setpoint', value)
+        ear.spin(0.1)  # the queue holds one setpoint: the next would replace it
+    ear.until(lambda: value_of(report, 'inputs', 'refused') == '4', 'four refusals counted')
+    assert [message.data for message in in_force] == [7.3e-4]
+    assert frequency[-1].data == pytest.approx(55.0, abs=0.5)
+    for words in ('nan refused, not finite', '300.0 L/min (0.005 m³/s)', 'pump_flow_max is 240.0'):
+        assert words in twin.log
+
+
+def test_reset_pause_and_record_do_what_they_say(start_twin, ear):
+    twin = start_twin()
+    pressure = ear.listen(FluidPressure, '/hpv_twin/pressure')
+    report = ear.listen(DiagnosticArray, '/diagnostics')
+    ear.until(lambda: len(pressure) > 300, 'pressure')
+    assert ear.call(SetBool, '/hpv_twin/pause', SetBool.Request(data=True)).success
+    ear.spin(0.3)
+    count, reports = len(pressure), len(report)
+    ear.until(lambda: len(report) > reports + 1, 'diagnostics while paused')
+    assert len(pressure) == count
+    assert ear.call(Trigger, '/hpv_twin/reset').success
+    assert ear.call(SetBool, '/hpv_twin/pause', SetBool.Request(data=False)).success
+    ear.until(lambda: len(pressure) > count + 10, 'pressure after the pause')
+    # From rest the pressure builds up in a straight line: about 1 MPa a millisecond.
+    assert pressure[count].fluid_pressure - AMBIENT < 1.5e6
+    answer = ear.call(SetBool, '/hpv_twin/record', SetBool.Request(data=False))
+    assert answer.success and 'finished' in answer.message
+    assert ear.call(SetBool, '/hpv_twin/record', SetBool.Request(data=True)).success
+    assert len(twin.recordings) == 2
+    assert twin.stop() == 0
+
+
+@pytest.mark.parametrize('signals', [[signal.SIGINT], [signal.SIGINT, signal.SIGINT],
+                                     [signal.SIGTERM], [signal.SIGTERM, signal.SIGINT]])
+def test_signals_end_it_with_code_0_and_a_finished_file(start_twin, ear, signals):
+    twin = start_twin()
+    pressure = ear.listen(FluidPressure, '/hpv_twin/pressure')
+    ear.until(lambda: len(pressure) > 200, 'pressure')
+    for number in signals:
+        twin.signal(number)
+    assert twin.wait(10) == 0
+    assert 'Traceback' not in twin.log
+    [recording] = twin.recordings
+    with open(recording, 'rb') as file:
+        summary = make_reader(file, validate_crcs=True).get_summary()
+    assert summary.statistics.message_count > 400
+    topics = {channel.topic for channel in summary.channels.values()}
+    assert {'/hpv_twin/pressure', '/hpv_twin/preload', '/hpv_twin/frequency'} <= topics
+
+
+def test_a_recording_misses_nothing(start_twin, ear):
+    twin = start_twin()
+    report = ear.listen(DiagnosticArray, '/diagnostics')
+    ear.until(lambda: len(report) > 2, 'diagnostics')
+    twin.stop()
+    stamps = {}
+    with open(twin.recordings[0], 'rb') as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            stamps.setdefault(channel.topic, []).append(message.log_time)
+            assert message.publish_time == message.log_time
+    for topic in ('/hpv_twin/pressure', '/hpv_twin/plunger_position'):
+        steps = np.diff(stamps[topic])
+        dropped = int(value_of(report, 'timing', 'dropped ticks'))
+        assert (steps > 1_001_000).sum() <= dropped
+        assert steps.min() >= 999_000
+    assert stamps['/hpv_twin/pressure'] == stamps['/hpv_twin/plunger_position']
+    assert len(stamps['/hpv_twin/pump_flow']) >= 1 and len(stamps['/diagnostics']) >= 2
+
+
+def test_parameters_set_the_start_and_integers_are_numbers(start_twin, ear):
+    twin = start_twin('pump_flow:=3.65e-4', 'load:=100', 'record:=false', 'ambient_pressure:=0',
+                      'publish_rate:=200', 'pump_flw:=1', ros=['-r', '__ns:=/left'])
+    pressure = ear.listen(FluidPressure, '/left/hpv_twin/pressure')
+    load = ear.listen(Float64, '/left/hpv_twin/load', latched=True)
+    flow = ear.listen(Float64, '/left/hpv_twin/pump_flow', latched=True)
+    ear.until(lambda: len(pressure) > 50 and load and flow, 'pressure at 200 Hz')
+    assert load[0].data == 100.0 and flow[0].data == 3.65e-4
+    steps = np.diff([stamp(message) for message in pressure])
+    assert np.median(steps) == 5_000_000
+    assert 'did you mean "pump_flow"' in twin.log
+    assert not twin.recordings
+
+
+@pytest.mark.parametrize('parameter, words', [
+    ('publish_rate:=fast', ['publish_rate', "'fast'", 'a number']),
+    ('pump_flow:=-1.0', ['pump_flow', '-1', '[0, 1]']),
+    ('pump_flow:=0.01', ['pump_flow', '600.0 L/min (0.01 m³/s)', 'pump_flow_max']),
+    ('vibrator:=absent.yaml', ['absent.yaml', 'No such file']),
+    ('record:=1', ['record', 'true or false']),
+])
+def test_a_bad_parameter_is_one_line_and_exit_code_2(start_twin, parameter, words):
+    twin = start_twin(parameter)
+    assert twin.wait() == 2
+    assert len(twin.log.strip().splitlines()) == 1
+    for word in words:
+        assert word in twin.log
+
+
+def test_a_folder_that_cannot_be_written_leaves_the_twin_running(start_twin, ear):
+    twin = start_twin('record_directory:=/proc/no/such/place')
+    pressure = ear.listen(FluidPressure, '/hpv_twin/pressure')
+    ear.until(lambda: len(pressure) > 100, 'pressure')
+    assert 'not recording' in twin.log and '/proc/no' in twin.log
+    assert twin.stop() == 0
