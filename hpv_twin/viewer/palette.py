@@ -1,0 +1,64 @@
+"""How each quantity is shown: its name, a person's unit and one colour, the same everywhere."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity recorded in SI: `factor` turns it into `unit`; `colour` is 0xRRGGBB."""
+
+    label: str
+    unit: str
+    factor: float
+    colour: int
+    digits: int
+
+    @property
+    def title(self) -> str:
+        """The name with its unit, as legends and views have it."""
+        return f'{self.label} [{self.unit}]'
+
+    def rgba(self, brightness: float = 1.0) -> int:
+        """Return the opaque colour as rerun takes it, darkened by `brightness` below 1."""
+        red, green, blue = (round(part * brightness) for part in self.colour.to_bytes(3, 'big'))
+        return int.from_bytes((red, green, blue, 0xFF), 'big')
+
+    def show(self, values):
+        """Return SI values in the unit shown."""
+        return np.asarray(values, dtype=np.float64) * self.factor
+
+    def text(self, value: float) -> str:
+        """Return one SI value with the unit, for sentences and tables."""
+        return f'{self.show(value):.{self.digits}f} {self.unit}'
+
+
+PRESSURE = Quantity('pressure, gauge', 'MPa', 1e-6, 0xFFA94D, 2)
+PLUNGER = Quantity('plunger', 'mm', 1e3, 0x4DABF7, 3)
+VALVE_SLEEVE = Quantity('valve sleeve', 'mm', 1e3, 0xF06595, 3)
+PUMP_FLOW = Quantity('pump flow', 'L/min', 6e4, 0x69DB7C, 1)
+PRELOAD = Quantity('preload', 'mm', 1e3, 0xB197FC, 2)
+LOAD = Quantity('load', 'N', 1.0, 0xC0EB75, 0)
+FREQUENCY = Quantity('frequency', 'Hz', 1.0, 0xFFE066, 2)
+STROKE = Quantity('stroke', 'mm', 1e3, 0x66D9E8, 2)
+
+NUMBERS = {'frequency': FREQUENCY, 'stroke': STROKE, 'pump_flow': PUMP_FLOW, 'preload': PRELOAD,
+           'load': LOAD}
+CYCLE_FIGURES = ('frequency', 'stroke')
+JOINTS = {'plunger': PLUNGER, 'valve_sleeve': VALVE_SLEEVE}
+OTHERS = (0xE599F7, 0xA5D8FF, 0xFFD8A8, 0xB2F2BB, 0xFCC2D7)
+
+
+def pressure(label: str, index: int) -> Quantity:
+    """Return how the pressure topic `label` is shown; `index` counts the machine's pressures."""
+    if label == 'pressure':
+        return PRESSURE
+    return Quantity(f'{label}, gauge', 'MPa', 1e-6,
+                    OTHERS[index % len(OTHERS)] if index else PRESSURE.colour, 2)
+
+
+def joint(label: str, index: int) -> Quantity:
+    """Return how a joint is shown; of a stranger it is unknown whether it slides or turns."""
+    return JOINTS.get(label) or Quantity(label, 'm or rad', 1.0, OTHERS[index % len(OTHERS)], 4)
