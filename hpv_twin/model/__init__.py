@@ -1,7 +1,8 @@
 """The physics of the hydropulse vibrator: design, equations, simulation and cycle figures."""
 from .cycles import Cycle, CycleFinder, Cycles, find_cycles
+from .ledger import EnergyLedger
 from .simulation import ModelError, Simulation, Trace
 from .vibrator import Vibrator, VibratorError
 
-__all__ = ['Cycle', 'CycleFinder', 'Cycles', 'ModelError', 'Simulation', 'Trace', 'Vibrator',
-           'VibratorError', 'find_cycles']
+__all__ = ['Cycle', 'CycleFinder', 'Cycles', 'EnergyLedger', 'ModelError', 'Simulation', 'Trace',
+           'Vibrator', 'VibratorError', 'find_cycles']

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from .kernel import (
+    CATCH_UP,
     CLOSED,
     LIFT,
     OPEN,
@@ -21,20 +22,21 @@ from .kernel import (
     ROW_P,
     ROW_P_MAX,
     ROW_P_MIN,
+    ROW_RISE_TIME,
     ROW_SIZE,
     ROW_T_P_MAX,
+    ROW_T_P_MIN,
     ROW_T_Y_MAX,
     ROW_TIME,
     ROW_Y_MAX,
     ROW_Y_MIN,
 )
+from .regimes import OFF_SEAT, PARTIAL, SEAT_REBOUND, SEATED
 
-SEATED = 'seated oscillation'
-SEAT_REBOUND = 'seat rebound'
-OFF_SEAT = 'off-seat oscillation'
-PARTIAL = 'partial stroke'
 # Below this share of the full stroke the plunger is not oscillating, it is coming to rest.
 LEAST_STROKE = 1e-3
+FINER = ('pressure_rise', 'pressure_fall', 'pressure_undershoot', 'pressure_recovery',
+         'sleeve_forward', 'sleeve_seated')
 # What a cycle can be counted from, the stronger first: opening, start of the return stroke, and
 # (written as RETURN_HIGH) a highest position.
 RANK = {CLOSED: 3, OPEN: 2, RETURN_HIGH: 1, None: 0}
@@ -47,8 +49,15 @@ class Cycle:
 
     A cycle that visits the seat runs from one opening to the next, so `opening_pressure` stands at
     its start and `build_up` is its last part; others run from one start of the return stroke, or
-    from one highest position, to the next. The four phase times of (6) sum to the period.
-    `phase_lag` is how long after the highest pressure the stroke is complete.
+    from one highest position, to the next. `phase_lag` is how long after the highest pressure the
+    stroke is complete.
+
+    The rows of (6), each of which sums to the period: plunger `forward` t_kn, `dwell` t_kb,
+    `return_stroke` t_RS, `build_up` t_kh; pressure `pressure_rise` t_H from p2 to the highest,
+    `pressure_fall` t_BT back to p2, `pressure_undershoot` t_rT on to the lowest,
+    `pressure_recovery` t_HT back to p2, where p2 is the `return_pressure`; valve sleeve
+    `sleeve_forward` t'_kn from its lift at 0.1 h_b to the stop, `dwell`, `return_stroke` and
+    `sleeve_seated` t'_kh. The last two rows belong to cycles that visit the seat and the stop.
     """
 
     start: float
@@ -63,6 +72,12 @@ class Cycle:
     dwell: float
     return_stroke: float
     phase_lag: float
+    pressure_rise: float
+    pressure_fall: float
+    pressure_undershoot: float
+    pressure_recovery: float
+    sleeve_forward: float
+    sleeve_seated: float
     regime: str
 
     @property
@@ -88,6 +103,12 @@ class Cycles:
     dwell: np.ndarray
     return_stroke: np.ndarray
     phase_lag: np.ndarray
+    pressure_rise: np.ndarray
+    pressure_fall: np.ndarray
+    pressure_undershoot: np.ndarray
+    pressure_recovery: np.ndarray
+    sleeve_forward: np.ndarray
+    sleeve_seated: np.ndarray
     regime: np.ndarray
 
     def __len__(self):
@@ -153,6 +174,7 @@ class CycleFinder:
         if stroke < LEAST_STROKE * self._stroke or period <= 0.0:
             return None
         returns = [row[ROW_P] for row in rows + [first] if self._kind(row) == OPEN]
+        seated = kind == CLOSED and bool(returns)
         return Cycle(
             start=first[ROW_TIME], period=period, stroke=stroke, peak_pressure=peak[ROW_P_MAX],
             lowest_pressure=min(row[ROW_P_MIN] for row in rows),
@@ -161,6 +183,7 @@ class CycleFinder:
             build_up=spent[PHASE_CLOSED], forward=spent[PHASE_FORWARD], dwell=spent[PHASE_OPEN],
             return_stroke=spent[PHASE_RETURN],
             phase_lag=highest[ROW_T_Y_MAX] - peak[ROW_T_P_MAX],
+            **(finer_times(first, rows, spent) if seated else dict.fromkeys(FINER, math.nan)),
             regime=self._regime(kind, spent, highest[ROW_Y_MAX]))
 
     def _regime(self, kind, spent, highest):
@@ -169,6 +192,25 @@ class CycleFinder:
         if highest < self._stroke:
             return PARTIAL
         return SEATED if spent[PHASE_CLOSED] > 0.0 else SEAT_REBOUND
+
+
+def finer_times(first, rows, spent) -> dict[str, float]:
+    """Rows of (6) for pressure and sleeve of a cycle between two openings; see Cycle."""
+    start, end = first[ROW_TIME], rows[-1][ROW_TIME]
+    highest = max(rows, key=lambda row: row[ROW_P_MAX])[ROW_T_P_MAX]
+    turned = next(row for row in rows if row[ROW_BEFORE] == OPEN and row[ROW_AFTER] == RETURN_HIGH)
+    after = [row for row in rows if row[ROW_TIME] > turned[ROW_TIME]]
+    lowest = min(after, key=lambda row: row[ROW_P_MIN])[ROW_T_P_MIN]
+    risen = next((row[ROW_RISE_TIME] for row in after if row[ROW_RISE_TIME] >= lowest), math.nan)
+    picked_up = next(row[ROW_TIME] for row in rows if row[ROW_AFTER] == CATCH_UP)
+    stopped = next(row[ROW_TIME] for row in rows if row[ROW_AFTER] == OPEN)
+    sleeve_forward = stopped - picked_up
+    return {'pressure_rise': (end - risen) + (highest - start),
+            'pressure_fall': turned[ROW_TIME] - highest,
+            'pressure_undershoot': lowest - turned[ROW_TIME],
+            'pressure_recovery': risen - lowest,
+            'sleeve_forward': sleeve_forward,
+            'sleeve_seated': spent[PHASE_CLOSED] + spent[PHASE_FORWARD] - sleeve_forward}
 
 
 def find_cycles(trace) -> Cycles:

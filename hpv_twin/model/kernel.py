@@ -28,6 +28,7 @@ PHASE_OF_STAGE = np.array([0, 1, 1, 1, 2, 3, 3], dtype=np.int8)
 AREA, MASS, DISPLACED, S0, S1, FORCE0, KS, FLOW, LOW, HIGH = range(10)
 # Entries of the parameter vector.
 STIFFNESS, PUMP_FLOW, DRAIN, FRICTION, ORIFICE, STROKE, PICK_UP, GAP, SLEEVE_RATIO = range(9)
+SLEEVE_SPRING_FORCE, SLEEVE_SPRING = 9, 10
 # Entries of the state: time, gauge pressure, position, velocity, stage, the number of switches at
 # the instant of the last one and that instant, the extremes since the last row of the log.
 TIME, P, Y, V, STAGE, REPEATS, LAST_SWITCH = range(7)
@@ -35,11 +36,15 @@ P_MAX, T_P_MAX, P_MIN, T_P_MIN, Y_MAX, T_Y_MAX, Y_MIN = range(7, 14)
 # Where the present stage, or the present series in it, began; which series is in use (-1: none),
 # the place in the cycle since its opening (-1: it did not begin with one), the series in store.
 ANCHOR_TIME, ANCHOR_P, ACTIVE, CURSOR, STORED = range(14, 19)
-STATE_SIZE = 19
+# Pressure at which the last return stroke began, and the instant since the last row of the log at
+# which the pressure rose through it (NaN: it did not); until when energies are accounted for.
+RETURN_P, RISE_TIME, ACCOUNTED = range(19, 22)
+STATE_SIZE = 22
 # Columns of the log of located switches.
 ROW_TIME, ROW_BEFORE, ROW_AFTER, ROW_P, ROW_Y, ROW_V = range(6)
 ROW_P_MAX, ROW_T_P_MAX, ROW_P_MIN, ROW_T_P_MIN, ROW_Y_MAX, ROW_T_Y_MAX, ROW_Y_MIN = range(6, 13)
-ROW_SIZE = 13
+ROW_RISE_TIME = 13
+ROW_SIZE = 14
 # Columns of the samples.
 SAMPLE_TIME, SAMPLE_P, SAMPLE_Y, SAMPLE_V, SAMPLE_SLEEVE, SAMPLE_PHASE = range(6)
 SAMPLE_SIZE = 6
@@ -69,7 +74,7 @@ def entry(function):
 
 def parameters(vibrator) -> np.ndarray:
     """Constants of a design that no stage changes; the pump flow is a setpoint."""
-    vector = np.empty(9)
+    vector = np.empty(11)
     vector[STIFFNESS] = vibrator.bulk_modulus / vibrator.cavity_volume
     vector[PUMP_FLOW] = vibrator.pump_flow
     vector[DRAIN] = vibrator.drain_pressure
@@ -80,6 +85,8 @@ def parameters(vibrator) -> np.ndarray:
     vector[PICK_UP] = 0.1 * vibrator.stroke
     vector[GAP] = vibrator.gap
     vector[SLEEVE_RATIO] = vibrator.gap / (vibrator.gap - 0.1 * vibrator.stroke)
+    vector[SLEEVE_SPRING] = vibrator.twisted_spring_stiffness
+    vector[SLEEVE_SPRING_FORCE] = vector[SLEEVE_SPRING] * vibrator.twisted_spring_preload
     return vector
 
 
@@ -181,6 +188,7 @@ def restart_extremes(state):
     state[P_MAX] = state[P_MIN] = state[P]
     state[Y_MAX] = state[Y_MIN] = state[Y]
     state[T_P_MAX] = state[T_P_MIN] = state[T_Y_MAX] = state[TIME]
+    state[RISE_TIME] = math.nan
 
 
 @inner
@@ -192,6 +200,7 @@ def log_row(state, stage_after, log, used):
     log[used, ROW_P], log[used, ROW_Y], log[used, ROW_V] = state[P], state[Y], state[V]
     for k in range(7):
         log[used, ROW_P_MAX + k] = state[P_MAX + k]
+    log[used, ROW_RISE_TIME] = state[RISE_TIME]
     restart_extremes(state)
     return used + 1
 
@@ -233,7 +242,16 @@ def enter(state, stage, par):
         state[CURSOR] = -1.0
     elif stage == OPEN:
         state[Y], state[V] = par[STROKE], 0.0
+    elif stage == RETURN_HIGH and state[Y] >= par[STROKE]:
+        state[RETURN_P] = state[P]
     anchor(state)
+
+
+@inner
+def note_rise(state, p, start, p_start, slope):
+    """Note when the pressure, on a straight line from p_start to p, rose through RETURN_P."""
+    if math.isnan(state[RISE_TIME]) and p_start < state[RETURN_P] <= p:
+        state[RISE_TIME] = start + (state[RETURN_P] - p_start) / slope
 
 
 @inner
@@ -295,6 +313,36 @@ def write_sample(state, par, samples, k):
                sleeve_position(state[Y], stage, par), stage)
 
 
+# Energies ---------------------------------------------------------------------------------------
+#
+# The integrals of the energy ledger, J, each by itself: the power is integrated along the motion,
+# by Gauss's rule on a series and by Euler's own steps in `euler`. No term is found as the rest.
+
+(PUMP_WORK, SLOT_LOSS, DISPLACED_WORK, CLAMP_WORK, PRESSURE_WORK, DASHPOT_WORK, SLEEVE_SPRING_WORK,
+ FRICTION_LOSS) = range(8)
+LEDGER_SIZE = 8
+GAUSS_AT, GAUSS_WEIGHT = (np.polynomial.legendre.leggauss(16)[0] * 0.5 + 0.5,
+                          np.polynomial.legendre.leggauss(16)[1] * 0.5)
+
+
+@inner
+def add_powers(ledger, duration, p, y, v, root, stage, table, par):
+    """Add each power times `duration`; `root` stands for sqrt(p - p_dp) in the slot's flow."""
+    slot = par[ORIFICE] * (table[stage, S0] + table[stage, S1] * y) * root
+    displaced = table[stage, DISPLACED] * v
+    balance = par[PUMP_FLOW] - slot - displaced
+    ledger[PUMP_WORK] += duration * p * par[PUMP_FLOW]
+    ledger[SLOT_LOSS] += duration * p * slot
+    ledger[DISPLACED_WORK] += duration * p * displaced
+    ledger[PRESSURE_WORK] += duration * table[stage, AREA] * (p - par[DRAIN]) * v
+    ledger[DASHPOT_WORK] += duration * table[stage, FLOW] * balance * v
+    ledger[FRICTION_LOSS] += duration * par[FRICTION] * v * v
+    if stage <= CATCH_UP:
+        spring = par[SLEEVE_SPRING_FORCE] - par[SLEEVE_SPRING] * y
+        ledger[SLEEVE_SPRING_WORK] += duration * spring * v
+    return balance
+
+
 # The paper's integrator -------------------------------------------------------------------------
 
 
@@ -345,6 +393,7 @@ def euler_moving(state, row, par, step, count):
     pump_flow, drain, friction, orifice = par[PUMP_FLOW], par[DRAIN], par[FRICTION], par[ORIFICE]
     to_pressure, to_velocity = step * par[STIFFNESS], step / row[MASS]
     p_max, p_min, i_max, i_min = state[P_MAX], state[P_MIN], -1, -1
+    return_p, i_rise = state[RETURN_P], -1.0
     done, p_after, y_after, v_after = 0, p, y, v
     while done < count:
         balance = flow_balance(p, y, v, displaced, s0, s1, pump_flow, drain, orifice)
@@ -354,6 +403,8 @@ def euler_moving(state, row, par, step, count):
         v_after = v + to_velocity * force
         if y_after > high or y_after < low or (v_after <= 0.0 and v > 0.0):
             break
+        if p < return_p <= p_after:
+            i_rise = done + (return_p - p) / (p_after - p)
         p, y, v = p_after, y_after, v_after
         done += 1
         if p > p_max:
@@ -364,6 +415,8 @@ def euler_moving(state, row, par, step, count):
         state[P_MAX], state[T_P_MAX] = p_max, state[TIME] + i_max * step
     if i_min > 0:
         state[P_MIN], state[T_P_MIN] = p_min, state[TIME] + i_min * step
+    if i_rise >= 0.0 and math.isnan(state[RISE_TIME]):
+        state[RISE_TIME] = state[TIME] + i_rise * step
     return p, y, v, p_after, y_after, v_after, done
 
 
@@ -398,8 +451,11 @@ def euler_standing(state, table, par, step, count, log, used):
         force = force_at(p, state[Y], 0.0, OPEN, table, par)
         p, force, after, force_after, done = euler_open(p, force, row, par, step, count)
         share = force / (force - force_after) if done < count else 0.0
+    p_start = state[P]
     state[P] = p + share * (after - p)
     state[TIME] = start + (done + share) * step
+    if stage == CLOSED:
+        note_rise(state, state[P], start, p_start, par[STIFFNESS] * par[PUMP_FLOW])
     if done == count:
         extend_extremes(state)
         return used, float(count)
@@ -446,7 +502,21 @@ def euler_stretch(state, table, par, step, count, log, used):
 
 
 @inner
-def euler_steps(state, table, par, stop, step, log, used):
+def euler_accounted(state, table, par, step, log, used, ledger):
+    """One `euler_stretch` of at most one step, with the powers of the state it starts from."""
+    start, p, y, v, stage = state[TIME], state[P], state[Y], state[V], int(state[STAGE])
+    used, reached = euler_stretch(state, table, par, step, 1, log, used)
+    duration = state[TIME] - start
+    root = math.sqrt(max(p - par[DRAIN], 0.0))
+    balance = add_powers(ledger, duration, p, y, v, root, stage, table, par)
+    missing = VACUUM - (p + duration * par[STIFFNESS] * balance)
+    if missing > 0.0:
+        ledger[CLAMP_WORK] += p * missing / par[STIFFNESS]
+    return used, reached
+
+
+@inner
+def euler_steps(state, table, par, stop, step, log, used, ledger):
     """
     Go on towards `stop` by whole steps on the grid n*step, or by the part of one up to the grid.
 
@@ -456,20 +526,25 @@ def euler_steps(state, table, par, stop, step, log, used):
     slack = 1e-6 + 4e-16 * now / step
     grid = math.floor(now / step + slack)
     count = int(math.floor(stop / step + slack) - grid)
-    if abs(now - grid * step) <= slack * step and count >= 1:
+    whole = abs(now - grid * step) <= slack * step and count >= 1
+    if whole and len(ledger) == 0:
         used, reached = euler_stretch(state, table, par, step, count, log, used)
         if reached == count:
             state[TIME] = min((grid + count) * step, stop)
         return used
     end = min((grid + 1.0) * step, stop) if count >= 1 else stop
-    used, reached = euler_stretch(state, table, par, end - now, 1, log, used)
+    part = step if whole else end - now
+    if len(ledger) == 0:
+        used, reached = euler_stretch(state, table, par, part, 1, log, used)
+    else:
+        used, reached = euler_accounted(state, table, par, part, log, used, ledger)
     if reached == 1.0:
         state[TIME] = end
     return used
 
 
 @entry
-def advance_euler(state, table, par, changed, until, step, first, rate, samples, log):
+def advance_euler(state, table, par, changed, until, step, first, rate, samples, log, ledger):
     """
     Integrate by the paper's explicit Euler method to the time `until`.
 
@@ -491,7 +566,7 @@ def advance_euler(state, table, par, changed, until, step, first, rate, samples,
         while state[TIME] < stop:
             if used > len(log) - 2 * SWITCHES_AT_ONCE:
                 return LOG_FULL, written, used
-            used = euler_steps(state, table, par, stop, step, log, used)
+            used = euler_steps(state, table, par, stop, step, log, used, ledger)
             if used < 0:
                 return CHATTER, written, 0
         if written < len(samples):
@@ -536,7 +611,7 @@ LEVEL, POSITION, VELOCITY, FORCE, CLOCK, SPARE, FACTS = range(7)
 # Facts: law of flow, order, p - p_dp at the start, where it ends and how long that takes, what
 # happens there, where the pressure turns on the way (and its value), and the state at the end.
 MODE, ORDER, ABOVE, END, DURATION, TURNS, LEAVES, DIRECTION = range(8)
-TURN_TIME, TURN_P, END_P, END_Y, END_V = range(8, 13)
+TURN_TIME, TURN_P, END_P, END_Y, END_V, RISE = range(8, 14)
 ORBIT = 48  # series kept from an opening on; what comes after uses the last place again and again
 WORKSPACE = (ORBIT + 1, 7, ORDER_SLOT + 1)
 LONGEST = 1.0  # s: a plunger at rest has a series without end
@@ -848,6 +923,13 @@ def expand(c, state, row, par):
     if leaves:
         facts[END_Y] = row[HIGH] if direction > 0.0 else row[LOW]
     facts[END_V] = 0.0 if turns else horner(c[VELOCITY], order, end)
+    facts[RISE] = -1.0
+    if state[P] < state[RETURN_P] <= facts[END_P]:
+        level = state[RETURN_P] - par[DRAIN]
+        if mode == TURBULENT:
+            level = math.sqrt(level / above)
+        rise = crossing(c[LEVEL], order, level, -1.0, end, end) if level > 0.0 else 0.0
+        facts[RISE] = horner(c[CLOCK], order, rise) if mode == TURBULENT else rise
 
 
 @inner
@@ -891,7 +973,61 @@ def moving_stop(state, c, par, until):
 
 
 @inner
-def exact_moving(state, table, par, until, store, first, rate, samples, written, log, used):
+def account_moving(c, state, table, par, until, ledger):
+    """Add the energies of the motion on this series since the last account, up to `until`."""
+    stage, order = int(state[STAGE]), int(c[FACTS, ORDER])
+    start = place_of(c, state[ACCOUNTED] - state[ANCHOR_TIME])
+    length = place_of(c, until - state[ANCHOR_TIME]) - start
+    mode, above = int(c[FACTS, MODE]), c[FACTS, ABOVE]
+    for i in range(len(GAUSS_AT)):
+        at = start + length * GAUSS_AT[i]
+        level = horner(c[LEVEL], order, at)
+        duration, root = length * GAUSS_WEIGHT[i], 0.0
+        if mode == TURBULENT:
+            duration *= level
+            root = level * math.sqrt(above)
+        elif mode == LINEAR:
+            root = level / ROOT_LAMINAR
+        p = pressure_at(c, par[DRAIN], at)
+        balance = add_powers(ledger, duration, p, horner(c[POSITION], order, at),
+                             horner(c[VELOCITY], order, at), root, stage, table, par)
+        if mode == AT_VACUUM:
+            ledger[CLAMP_WORK] -= duration * p * balance
+    state[ACCOUNTED] = until
+
+
+@inner
+def account_straight(state, rise, until, par, ledger):
+    """Add the pump's work since the last account, up to `until`, while p = p_a + rise*(t - t_a)."""
+    middle = 0.5 * (state[ACCOUNTED] + until) - state[ANCHOR_TIME]
+    ledger[PUMP_WORK] += ((until - state[ACCOUNTED]) * par[PUMP_FLOW]
+                          * (state[ANCHOR_P] + rise * middle))
+    state[ACCOUNTED] = until
+
+
+@inner
+def account_open(state, root, still, pace, until, table, par, ledger):
+    """Add the energies of the dwell since the last account, up to `until`; see `root_after`."""
+    since = state[ACCOUNTED] - state[ANCHOR_TIME]
+    duration = until - state[ACCOUNTED]
+    first = root_after(root, still, since * pace)
+    if still == 0.0:
+        # The root falls in a straight line, to zero and no further.
+        duration = min(duration, first / pace)
+    pieces = 1 if still == 0.0 else min(64, 1 + int(duration * pace / still))
+    for piece in range(pieces):
+        for i in range(len(GAUSS_AT)):
+            part = (piece + GAUSS_AT[i]) / pieces
+            weight = GAUSS_WEIGHT[i] * duration / pieces
+            then = root_after(first, still, part * duration * pace)
+            add_powers(ledger, weight, then * then + par[DRAIN], par[STROKE], 0.0, then, OPEN,
+                       table, par)
+    state[ACCOUNTED] = until
+
+
+@inner
+def exact_moving(state, table, par, until, store, first, rate, samples, written, log, used,
+                 ledger):
     """
     Follow a moving plunger on one series, to its end or to `until`.
 
@@ -907,6 +1043,8 @@ def exact_moving(state, table, par, until, store, first, rate, samples, written,
     if written < len(samples) and (first + written) / rate <= min(end, until):
         written = moving_samples(store[i], min(end, until), state, par, first, rate, samples,
                                  written)
+    if len(ledger) > 0:
+        account_moving(store[i], state, table, par, min(end, until), ledger)
     if end > until:
         moving_stop(state, store[i], par, until)
         return written, used
@@ -914,6 +1052,8 @@ def exact_moving(state, table, par, until, store, first, rate, samples, written,
         state[TIME] = state[ANCHOR_TIME] + store[i, FACTS, TURN_TIME]
         state[P] = store[i, FACTS, TURN_P]
         extend_pressure(state)
+    if store[i, FACTS, RISE] >= 0.0 and math.isnan(state[RISE_TIME]):
+        state[RISE_TIME] = state[ANCHOR_TIME] + store[i, FACTS, RISE]
     state[TIME], state[P] = end, store[i, FACTS, END_P]
     state[Y], state[V] = store[i, FACTS, END_Y], store[i, FACTS, END_V]
     turns, direction = store[i, FACTS, TURNS] != 0.0, store[i, FACTS, DIRECTION]
@@ -942,7 +1082,7 @@ def straight_samples(state, until, rise, first, rate, samples, written):
 
 
 @inner
-def exact_closed(state, table, par, until, first, rate, samples, written, log, used):
+def exact_closed(state, table, par, until, first, rate, samples, written, log, used, ledger):
     """Build-up: the pressure rises in a straight line, (7), until the net force is zero."""
     row = table[CLOSED]
     rise = par[STIFFNESS] * par[PUMP_FLOW]
@@ -951,12 +1091,16 @@ def exact_closed(state, table, par, until, first, rate, samples, written, log, u
     if rise > 0.0:
         end = state[ANCHOR_TIME] + max(limit - state[ANCHOR_P], 0.0) / rise
     written = straight_samples(state, min(end, until), rise, first, rate, samples, written)
+    if len(ledger) > 0:
+        account_straight(state, rise, min(end, until), par, ledger)
     if end > until:
         state[P] = state[ANCHOR_P] + rise * (until - state[ANCHOR_TIME])
         state[TIME] = until
+        note_rise(state, state[P], state[ANCHOR_TIME], state[ANCHOR_P], rise)
         extend_extremes(state)
         return written, used
     state[P], state[TIME] = limit, end
+    note_rise(state, limit, state[ANCHOR_TIME], state[ANCHOR_P], rise)
     settle_force(state, CLOSED, table, par, 1.0)
     state[CURSOR] = 0.0
     return written, switch_to(state, LIFT, table, par, False, log, used)
@@ -972,6 +1116,8 @@ def root_after(root, still, reduced):
     u - r = (u0 - r) exp(-x) that is (u0 - r)(1 - exp(-x)) + r x = T, on which Newton's method
     converges from one side.
     """
+    if reduced <= 0.0:
+        return root
     if still == 0.0:
         return max(root - reduced, 0.0)
     excess = root - still
@@ -1015,13 +1161,15 @@ def leaving_root(row, par, root, still):
 
 
 @inner
-def exact_refill(state, par, until, first, rate, samples, written):
+def exact_refill(state, par, until, first, rate, samples, written, ledger):
     """Open valve, pressure below the drain's: nothing flows out, the pressure rises by (7)."""
     rise = par[STIFFNESS] * par[PUMP_FLOW]
     end = NEVER
     if rise > 0.0:
         end = state[ANCHOR_TIME] + (par[DRAIN] - state[ANCHOR_P]) / rise
     written = straight_samples(state, min(end, until), rise, first, rate, samples, written)
+    if len(ledger) > 0:
+        account_straight(state, rise, min(end, until), par, ledger)
     if end > until:
         state[P] = state[ANCHOR_P] + rise * (until - state[ANCHOR_TIME])
         state[TIME] = until
@@ -1034,10 +1182,10 @@ def exact_refill(state, par, until, first, rate, samples, written):
 
 
 @inner
-def exact_open(state, table, par, until, first, rate, samples, written, log, used):
+def exact_open(state, table, par, until, first, rate, samples, written, log, used, ledger):
     """Dwell: time is explicit in the pressure; ends where the net force is zero, (3)."""
     if state[ANCHOR_P] < par[DRAIN]:
-        return exact_refill(state, par, until, first, rate, samples, written), used
+        return exact_refill(state, par, until, first, rate, samples, written, ledger), used
     row = table[OPEN]
     root = math.sqrt(state[ANCHOR_P] - par[DRAIN])
     slot = par[ORIFICE] * row[S0]
@@ -1052,6 +1200,8 @@ def exact_open(state, table, par, until, first, rate, samples, written, log, use
         then = root_after(root, still, max(time - state[ANCHOR_TIME], 0.0) * pace)
         put_sample(samples, written, time, then * then + par[DRAIN], state[Y], 0.0, state[Y], OPEN)
         written += 1
+    if len(ledger) > 0:
+        account_open(state, root, still, pace, min(end, until), table, par, ledger)
     if end > until:
         then = root_after(root, still, (until - state[ANCHOR_TIME]) * pace)
         state[P], state[TIME] = then * then + par[DRAIN], until
@@ -1063,7 +1213,7 @@ def exact_open(state, table, par, until, first, rate, samples, written, log, use
 
 
 @entry
-def advance_exact(state, table, par, changed, until, store, first, rate, samples, log):
+def advance_exact(state, table, par, changed, until, store, first, rate, samples, log, ledger):
     """
     Integrate to the time `until`: closed forms and Taylor series, switches located on them.
 
@@ -1083,13 +1233,13 @@ def advance_exact(state, table, par, changed, until, store, first, rate, samples
         stage = int(state[STAGE])
         if stage == CLOSED:
             written, used = exact_closed(state, table, par, until, first, rate, samples, written,
-                                         log, used)
+                                         log, used, ledger)
         elif stage == OPEN:
             written, used = exact_open(state, table, par, until, first, rate, samples, written,
-                                       log, used)
+                                       log, used, ledger)
         else:
             written, used = exact_moving(state, table, par, until, store, first, rate,
-                                         samples, written, log, used)
+                                         samples, written, log, used, ledger)
         if used < 0:
             return CHATTER, written, 0
     while written < len(samples):

@@ -2,11 +2,15 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
 from . import kernel
+from .cycles import CycleFinder
+from .ledger import Account, EnergyLedger
+from .regimes import name_regime
 from .vibrator import Vibrator
 
 SWITCH = np.dtype([
@@ -14,8 +18,9 @@ SWITCH = np.dtype([
     ('before', np.int8), ('after', np.int8), ('pressure', float), ('plunger_position', float),
     ('plunger_velocity', float), ('pressure_max', float), ('pressure_max_time', float),
     ('pressure_min', float), ('pressure_min_time', float), ('position_max', float),
-    ('position_max_time', float), ('position_min', float)])
+    ('position_max_time', float), ('position_min', float), ('rise_time', float)])
 LOG_ROWS = 256
+RECENT = 40  # rows of the log that tell the regime: some four cycles
 METHODS = ('default', 'euler')
 
 
@@ -32,8 +37,9 @@ class Trace:
     `plunger_velocity` m/s, `sleeve_position` m, `phase` (0 closed, 1 forward, 2 open, 3 return).
     `switches` is a structured array, one row per located switch: `time`, the phases `before` and
     `after` it (and the finer stages), the state there (velocity before the impact), and the
-    extremes of pressure and position since the row before it, with their times. Where before ==
-    after the sleeve was reached or left, or the plunger turned back.
+    extremes of pressure and position since the row before it, with their times; `rise_time` is
+    when, since then, the pressure rose through that of the last return stroke's start (or NaN).
+    Where before == after the sleeve was reached or left, or the plunger turned back.
     """
 
     time: np.ndarray
@@ -76,11 +82,12 @@ class Simulation:
 
     `method` is 'default', or 'euler' (the paper's, with fixed `step` in s). The setpoints
     `pump_flow` (Q_H, m³/s), `preload` (y01, m) and `load` (F_T, N, signed) can be set at any
-    time and act from the present instant on. Equal inputs give bit-identical results.
+    time and act from the present instant on. Equal inputs give bit-identical results, however
+    `advance` is sliced. With `ledger`, `energy` tells where the pump's work went; that is slower.
     """
 
     def __init__(self, vibrator: Vibrator | None = None, method: str = 'default',
-                 step: float = 1e-5):
+                 step: float = 1e-5, ledger: bool = False):
         if method not in METHODS:
             raise ValueError(f'method "{method}" is none of: {", ".join(METHODS)}')
         if not (step > 0.0 and math.isfinite(step)):
@@ -97,6 +104,8 @@ class Simulation:
             self._integrator = kernel.advance_exact, np.zeros(kernel.WORKSPACE)
         self._no_samples = np.empty((0, kernel.SAMPLE_SIZE))
         self._state = np.empty(kernel.STATE_SIZE)
+        self._no_ledger = np.empty(0)
+        self._account = Account(self) if ledger else None
         self._apply()
         self.reset()
 
@@ -104,8 +113,12 @@ class Simulation:
         """Go back to rest at time 0; setpoints stay."""
         self._state[:] = 0.0
         self._state[kernel.LAST_SWITCH] = -1.0
+        self._state[kernel.RETURN_P] = self._state[kernel.RISE_TIME] = math.nan
         self._time_rest = 0.0
         self._changed = True
+        self._recent = deque(maxlen=RECENT)
+        if self._account is not None:
+            self._account.reset()
 
     def _apply(self):
         flow, preload, load = self._setpoints
@@ -119,7 +132,11 @@ class Simulation:
             bound = f'at least {low:g} {unit} and finite' if math.isfinite(low) else 'finite'
             raise ValueError(f'{name} = {value:g} {unit} must be {bound}')
         if value != self._setpoints[index]:
-            self._setpoints[index] = value
+            after = list(self._setpoints)
+            after[index] = value
+            if self._account is not None:
+                self._account.note_setpoints(after[1], after[2])
+            self._setpoints = after
             self._apply()
 
     @property
@@ -196,6 +213,28 @@ class Simulation:
         return float(kernel.sleeve_velocity(self.plunger_velocity, self.stage, self._parameters))
 
     @property
+    def last_switch(self) -> float:
+        """Instant of the last located switch, s; 0 before the first or if it is long past."""
+        for rows in reversed(self._recent):
+            moved = rows[rows[:, kernel.ROW_BEFORE] != rows[:, kernel.ROW_AFTER]]
+            if len(moved):
+                return float(moved[-1, kernel.ROW_TIME])
+        return 0.0
+
+    @property
+    def has_opened(self) -> bool:
+        """Whether the valve has opened since rest."""
+        return bool(self._recent)
+
+    @property
+    def regime(self) -> str:
+        """What the machine is doing, by the names of hpv_twin.model.regimes."""
+        finder, cycles = CycleFinder(self.vibrator.stroke), []
+        for rows in self._recent:
+            cycles += finder.feed(rows)
+        return name_regime(self, cycles[-1] if cycles else None)
+
+    @property
     def plunger_force(self) -> float:
         """Net force on the plunger, N: (22); on seat and stop, what those then carry."""
         state = self._state
@@ -209,6 +248,13 @@ class Simulation:
             return 0.0
         ring = self.vibrator.sleeve_seat_area - self.vibrator.plunger_seat_area
         return ring * (self.pressure - self.vibrator.drain_pressure)
+
+    @property
+    def energy(self) -> EnergyLedger:
+        """The energy ledger since rest; needs `ledger=True`."""
+        if self._account is None:
+            raise ValueError('energies were not kept: Simulation(..., ledger=True) keeps them')
+        return self._account.ledger()
 
     def advance(self, duration: float, sample_rate: float = 10_000.0) -> Trace:
         """
@@ -260,12 +306,17 @@ class Simulation:
             integrate, how = self._integrator
             code, count, used = integrate(
                 self._state, self._table, self._parameters, self._changed, until, how,
-                first + written, rate, samples[written:], self._log)
+                first + written, rate, samples[written:], self._log,
+                self._no_ledger if self._account is None else self._account.integrals)
             self._changed = False
             written += count
             if code == kernel.CHATTER:
                 raise ModelError(self._chatter())
             logs.append(self._log[:used].copy())
+            if used:
+                self._recent.append(logs[-1][-RECENT:])
+            if self._account is not None:
+                self._account.note_rows(logs[-1])
             if code == kernel.DONE:
                 return logs[0] if len(logs) == 1 else np.concatenate(logs)
 

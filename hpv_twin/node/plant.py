@@ -2,11 +2,7 @@
 from __future__ import annotations
 
 from hpv_twin.model import Cycle, CycleFinder, Simulation, Vibrator
-
-# Oscillation has stopped when no cycle was completed for so many periods of the last one,
-REMEMBERED_PERIODS = 3.0
-# but a machine this slow is still oscillating, s of model time.
-SLOWEST_PERIOD = 1.0
+from hpv_twin.model.regimes import OSCILLATING, name_regime
 
 
 class Plant:
@@ -21,7 +17,6 @@ class Plant:
         """Back to rest; setpoints stay."""
         self.simulation.reset()
         self._finder = CycleFinder(self.simulation.vibrator.stroke)
-        self._last_end = 0.0
         self.cycle: Cycle | None = None
 
     def set(self, field: str, value: float) -> None:
@@ -34,15 +29,11 @@ class Plant:
         cycles = self._finder.feed(rows) if len(rows) else []
         if cycles:
             self.cycle = cycles[-1]
-            self._last_end = self.cycle.start + self.cycle.period
         return cycles
 
     def stopped(self) -> bool:
         """True once when the oscillation that was going on has ended."""
-        if self.cycle is None:
-            return False
-        patience = max(REMEMBERED_PERIODS * self.cycle.period, SLOWEST_PERIOD)
-        if self.simulation.time - self._last_end < patience:
+        if self.cycle is None or self.regime in OSCILLATING:
             return False
         self.cycle = None
         return True
@@ -60,7 +51,5 @@ class Plant:
 
     @property
     def regime(self) -> str:
-        """What the machine is doing, in the words of the last cycle."""
-        if self.cycle is not None:
-            return self.cycle.regime
-        return 'starting' if self._last_end == 0.0 else 'not oscillating'
+        """What the machine is doing, by the names of hpv_twin.model.regimes."""
+        return name_regime(self.simulation, self.cycle)

@@ -62,3 +62,44 @@ def test_cycles_that_arrive_piecemeal_are_the_same_cycles():
 
 def test_no_motion_no_cycles():
     assert len(steady(pump_flow=0.0)) == 0
+
+
+@pytest.mark.parametrize('setpoints', [{}, {'pump_flow': 7e-3},
+                                       {'pump_flow': 2e-3, 'preload': 1.5e-3}, {'load': 500.0}])
+def test_every_row_of_equation_6_sums_to_the_period(setpoints):
+    cycles = steady(**setpoints)
+    rows = [(cycles.forward, cycles.dwell, cycles.return_stroke, cycles.build_up),
+            (cycles.pressure_rise, cycles.pressure_fall, cycles.pressure_undershoot,
+             cycles.pressure_recovery),
+            (cycles.sleeve_forward, cycles.dwell, cycles.return_stroke, cycles.sleeve_seated)]
+    for row in rows:
+        assert np.allclose(sum(row), cycles.period, rtol=1e-9)
+        assert all((part > 0.0).all() for part in row)
+
+
+def test_times_of_equation_6_are_those_read_off_the_waveform():
+    simulation = Simulation()
+    simulation.advance(0.5)
+    trace = simulation.advance(0.1, sample_rate=1e6)
+    cycles = find_cycles(trace)
+    start, end = cycles.start[1], cycles.start[2]
+    inside = (trace.time >= start) & (trace.time < end)
+    time, pressure = trace.time[inside], trace.pressure[inside]
+    highest, lowest = time[pressure.argmax()], time[pressure.argmin()]
+    p2 = cycles.return_pressure[1]
+    fall = time[(time > highest) & (pressure <= p2)][0]
+    rise = time[(time > lowest) & (pressure >= p2)][0]
+    assert cycles.pressure_fall[1] == pytest.approx(fall - highest, abs=3e-6)
+    assert cycles.pressure_undershoot[1] == pytest.approx(lowest - fall, abs=3e-6)
+    assert cycles.pressure_recovery[1] == pytest.approx(rise - lowest, abs=3e-6)
+    assert cycles.peak_pressure[1] == pytest.approx(pressure.max(), rel=1e-6)
+    assert cycles.lowest_pressure[1] == pytest.approx(pressure.min(), rel=1e-6)
+
+
+def test_figures_of_euler_are_near_those_of_the_default():
+    simulation = Simulation(method='euler', step=1e-6)
+    simulation.advance(0.3)
+    coarse, fine = find_cycles(simulation.advance(0.1)), steady()
+    for name in ('period', 'peak_pressure', 'pressure_rise', 'pressure_recovery',
+                 'sleeve_forward', 'sleeve_seated', 'phase_lag'):
+        assert getattr(coarse, name)[-1] == pytest.approx(getattr(fine, name)[-1], rel=5e-3), name

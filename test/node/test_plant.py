@@ -38,7 +38,7 @@ def test_oscillation_that_ends_is_said_once(plant):
     run(plant, 0.2)
     plant.set('pump_flow', 0.0)
     said = [k for k in range(5000) if not plant.tick(1e-3) and plant.stopped()]
-    assert len(said) == 1 and plant.regime == 'not oscillating'
+    assert len(said) == 1 and plant.regime == 'no opening'
 
 
 def test_reset_goes_back_to_rest_with_the_setpoints(plant):
@@ -46,4 +46,4 @@ def test_reset_goes_back_to_rest_with_the_setpoints(plant):
     run(plant, 0.1)
     plant.reset()
     assert plant.simulation.time == 0.0 and plant.simulation.preload == 4e-3
-    assert plant.cycle is None and plant.regime == 'starting'
+    assert plant.cycle is None and plant.regime == 'no opening'
