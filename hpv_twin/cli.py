@@ -28,6 +28,7 @@ COMMANDS = {
     'setpoint': Command('hpv_twin.node.setpoint', 'give a running twin new setpoints'),
     'replay': Command('hpv_twin.viewer.replay', 'open a recording in rerun'),
     'recover': Command('hpv_twin.recording.recover', 'make a damaged recording readable'),
+    'validate': Command('hpv_twin.study.validate', "check a design against the paper's results"),
 }
 
 EXAMPLES = f"""\
@@ -57,6 +58,7 @@ OPTIONAL = {
     'std_msgs': ROS_ADVICE,
     'std_srvs': ROS_ADVICE,
     'rerun': VIEWER_ADVICE,
+    'matplotlib': "pip install 'hpv_twin[study]'",
     # colcon installs no dependencies, so these are missed too.
     'mcap': 'pip install mcap',
     'numba': 'pip install numba',

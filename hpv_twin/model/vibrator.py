@@ -9,18 +9,11 @@ from pathlib import Path
 
 import yaml
 
+from .equations import plunger_mass
+from .quantity import VibratorError, check_fields, check_quantity, quantity
+from .slotted_spring import PLUNGER_ALONE, SPRING, SlottedSpring, read_spring
+
 ATMOSPHERE = 101_325.0  # Pa; a gauge pressure cannot fall below its negative
-
-
-class VibratorError(ValueError):
-    """A design that cannot be: the message names the source, the field, the value and the bound."""
-
-
-def quantity(default, unit, symbol, text, origin, low=-math.inf, high=math.inf, above=None):
-    """Declare one field of Vibrator: `low` and `high` are allowed values, `above` is not."""
-    return dataclasses.field(default=default, metadata={
-        'unit': unit, 'symbol': symbol, 'text': text, 'origin': origin,
-        'low': low, 'high': high, 'above': above})
 
 
 @dataclass(frozen=True)
@@ -100,9 +93,7 @@ class Vibrator:
         'chosen: the paper states no load', low=-1e9, high=1e9)
 
     def __post_init__(self):
-        for field in dataclasses.fields(self):
-            value = check_quantity(field, getattr(self, field.name))
-            object.__setattr__(self, field.name, value)
+        check_fields(self)
         if self.sleeve_seat_diameter <= self.plunger_seat_diameter:
             raise VibratorError(
                 f'sleeve_seat_diameter (d2) = {self.sleeve_seat_diameter:g} m must exceed '
@@ -160,10 +151,36 @@ class Vibrator:
         return slot * math.sqrt(2.0 * drop / self.density)
 
     @classmethod
+    def from_spring_geometry(cls, spring: SlottedSpring, plunger_mass_without_spring: float,
+                             **fields) -> Vibrator:
+        """
+        Return the design with k1 and m1 from its slotted spring, by (21) and (4).
+
+        `plunger_mass_without_spring` is m8, kg; `fields` are other fields of the design. Raises
+        VibratorError where `fields` give plunger_mass or slotted_spring_stiffness a second time.
+        """
+        alone = check_quantity(PLUNGER_ALONE, plunger_mass_without_spring)
+        derived = {'plunger_mass': plunger_mass(alone, spring.mass),
+                   'slotted_spring_stiffness': spring.stiffness}
+        for name in derived:
+            if name in fields:
+                raise VibratorError(f'both {name} = {fields[name]} and {SPRING} are given, and '
+                                    f'that makes it {derived[name]:g}: leave one of them out')
+        return cls(**derived, **fields)
+
+    @classmethod
     def load_yaml(cls, text: str, source: str = 'vibrator') -> Vibrator:
-        """Read a design from YAML text; keys that are absent keep the base design's value."""
+        """
+        Read a design from YAML text; keys that are absent keep the base design's value.
+
+        The key `slotted_spring` gives plunger_mass and slotted_spring_stiffness by geometry: the
+        fields of SlottedSpring, and plunger_mass_without_spring (m8, kg).
+        """
         try:
-            return cls(**read_mapping(text))
+            fields = read_mapping(text)
+            if SPRING in fields:
+                return cls.from_spring_geometry(**read_spring(fields.pop(SPRING)), **fields)
+            return cls(**fields)
         except VibratorError as error:
             raise VibratorError(f'{source}: {error}') from None
 
@@ -223,35 +240,10 @@ def read_mapping(text: str) -> dict:
         raise VibratorError('empty: expected "field: value" lines')
     if not isinstance(data, dict):
         raise VibratorError(f'expected "field: value" lines, found a {type(data).__name__}')
-    names = [field.name for field in dataclasses.fields(Vibrator)]
+    names = [SPRING] + [field.name for field in dataclasses.fields(Vibrator)]
     for key in data:
         if key not in names:
             near = difflib.get_close_matches(str(key), names, n=1)
             hint = f'; did you mean "{near[0]}"?' if near else ''
             raise VibratorError(f'unknown field "{key}"{hint}')
     return data
-
-
-def check_quantity(field, value):
-    """Return the field's value as a float (or None where it may be), or raise VibratorError."""
-    meta = field.metadata
-    label = f'{field.name} ({meta["symbol"]})'
-    if value is None and field.default is None:
-        return None
-    if value is None or isinstance(value, bool):
-        raise VibratorError(f'{label} = {value}: a number in {meta["unit"]} is expected')
-    try:
-        # Text too: YAML 1.1 takes 1.4e9 for text, its numbers want a dot and a signed exponent.
-        value = float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise VibratorError(f'{label} = {str(value)[:60]!r} is not a number '
-                            f'in {meta["unit"]}') from None
-    if not math.isfinite(value):
-        raise VibratorError(f'{label} = {value} is not a finite number')
-    if meta['above'] is not None and value <= meta['above']:
-        raise VibratorError(
-            f'{label} = {value:g} {meta["unit"]} must be above {meta["above"]:g} {meta["unit"]}')
-    if not meta['low'] <= value <= meta['high']:
-        raise VibratorError(f'{label} = {value:g} {meta["unit"]} is outside '
-                            f'[{meta["low"]:g}, {meta["high"]:g}] {meta["unit"]}')
-    return value
