@@ -39,6 +39,7 @@ examples:
   {PROG} setpoint --preload 6e-3                   a stronger preload (m)
   {PROG} replay                                    look at the newest recording
   {PROG} recover damaged.mcap -o whole.mcap
+  {PROG} validate --plot validation.png            the model against the paper
 
 `{PROG} NAME --help` tells the rest. With ROS 2, `ros2 run hpv_twin NAME …` is the same."""
 
