@@ -117,8 +117,8 @@ PARAMETERS = {parameter.name: parameter for parameter in (
     Parameter('record_directory', 'bags', 'folder of the recordings, relative to where it runs'),
     Parameter('record_max_size', 1e9, 'bytes kept in all; the oldest own recordings go first',
               2e6, 1e15),
-    Parameter('record_rate', 0.0, 'Hz for recording pressure and position; 0: publish_rate',
-              0.0, 20_000.0),
+    Parameter('record_rate', 0.0, 'Hz at which pressure and position are recorded, at most '
+              'publish_rate; 0: publish_rate', 0.0, 10_000.0),
     Parameter('fsync', False, 'wait for the disk at each flush, so that a power cut loses little'),
 )}
 

@@ -49,6 +49,7 @@ class TwinNode(Node):
         self._out = {output.name: (index, self.create_publisher(output.type, output.name,
                                                                 output.qos(rate)))
                      for index, output in enumerate(OUTPUTS.values())}
+        self._record_every = self._thinning()
         self.recorder = make_recorder(self, vibrator, self._out)
         plant = Plant(vibrator, self.settings['ambient_pressure'])
         self.loop = Loop(plant, rate, self.settings['speed'], self._publish, float_payload)
@@ -105,6 +106,14 @@ class TwinNode(Node):
                                      f'{limits.low_name} and {limits.high_name}')
         return vibrator
 
+    def _thinning(self) -> int:
+        """Of so many steady messages one is recorded."""
+        published, recorded = self.settings['publish_rate'], self.settings['record_rate']
+        if recorded > published:
+            raise ParameterError(f'parameter record_rate = {recorded:g} Hz is above publish_rate = '
+                                 f'{published:g} Hz: a recording holds what is published')
+        return round(published / recorded) if recorded else 1
+
     def limits(self, name: str) -> Limits:
         """Bounds of a setpoint as the parameters have them now."""
         setpoint = SETPOINTS[name]
@@ -143,7 +152,8 @@ class TwinNode(Node):
         """Called by the loop's thread for every message."""
         index, publisher = self._out[name]
         publisher.publish(payload)
-        if self.recorder is not None:
+        if self.recorder is not None and not (
+                OUTPUTS[name].steady and self.loop.published % self._record_every):
             self.recorder.write(index, stamp, payload)
 
     def _report(self):

@@ -155,6 +155,18 @@ def test_a_recording_misses_nothing(start_twin, ear):
     assert len(stamps['/hpv_twin/pump_flow']) >= 1 and len(stamps['/diagnostics']) >= 2
 
 
+def test_a_recording_can_be_thinned(start_twin, ear):
+    twin = start_twin('record_rate:=100')
+    report = ear.listen(DiagnosticArray, '/diagnostics')
+    ear.until(lambda: len(report) > 2, 'diagnostics')
+    twin.stop()
+    with open(twin.recordings[0], 'rb') as file:
+        stamps = [message.log_time for _, channel, message in make_reader(file).iter_messages()
+                  if channel.topic == '/hpv_twin/pressure']
+    assert len(stamps) > 100
+    assert np.median(np.diff(stamps)) == 10_000_000
+
+
 def test_parameters_set_the_start_and_integers_are_numbers(start_twin, ear):
     twin = start_twin('pump_flow:=3.65e-4', 'load:=100', 'record:=false', 'ambient_pressure:=0',
                       'publish_rate:=200', 'pump_flw:=1', ros=['-r', '__ns:=/left'])
@@ -175,6 +187,7 @@ def test_parameters_set_the_start_and_integers_are_numbers(start_twin, ear):
     ('pump_flow:=0.01', ['pump_flow', '600.0 L/min (0.01 m³/s)', 'pump_flow_max']),
     ('vibrator:=absent.yaml', ['absent.yaml', 'No such file']),
     ('record:=1', ['record', 'true or false']),
+    ('record_rate:=5000', ['record_rate', '5000 Hz', 'publish_rate = 1000 Hz']),
 ])
 def test_a_bad_parameter_is_one_line_and_exit_code_2(start_twin, parameter, words):
     twin = start_twin(parameter)
