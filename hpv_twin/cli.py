@@ -55,6 +55,7 @@ OPTIONAL = {
     'builtin_interfaces': ROS_ADVICE,
     'diagnostic_msgs': ROS_ADVICE,
     'rcl_interfaces': ROS_ADVICE,
+    'rosgraph_msgs': ROS_ADVICE,
     'sensor_msgs': ROS_ADVICE,
     'std_msgs': ROS_ADVICE,
     'std_srvs': ROS_ADVICE,

@@ -5,5 +5,5 @@ from .simulation import ModelError, Simulation, Trace
 from .slotted_spring import SlottedSpring
 from .vibrator import Vibrator, VibratorError
 
-__all__ = ['Cycle', 'CycleFinder', 'Cycles', 'EnergyLedger', 'ModelError', 'Simulation', 'SlottedSpring',
-           'Trace', 'Vibrator', 'VibratorError', 'find_cycles']
+__all__ = ['Cycle', 'CycleFinder', 'Cycles', 'EnergyLedger', 'ModelError', 'Simulation',
+           'SlottedSpring', 'Trace', 'Vibrator', 'VibratorError', 'find_cycles']

@@ -19,11 +19,10 @@ HIGHEST_PRESSURE = 40e6  # Pa gauge: there is no relief valve in the model, so i
 class Health:
     """Builds the report. `report()` is called once a second, from the executor's thread."""
 
-    def __init__(self, node_name: str, loop, inputs, recorder, publish_rate: float):
+    def __init__(self, node_name: str, loop, inputs, recorder, say):
         self._name, self._loop, self._inputs = node_name, loop, inputs
-        self._recorder, self._rate = recorder, publish_rate
+        self._recorder, self._say = recorder, say
         self._refused_before = 0
-        self._dropped_before = 0
         self._recorder_dropped_before = 0
         self._before = (time.monotonic(), loop.pacer.ticks, loop.busy)
         self._classes = np.zeros(len(CLASSES) + 1, dtype=int)
@@ -85,15 +84,17 @@ class Health:
                   'lateness p99 since start [ms]': f'{self._since_start(0.99):.3f}',
                   'real-time factor': f'{achieved:.4f}',
                   'margin [%]': f'{100.0 * self.margin:.1f}'}
-        dropped = pacer.dropped_ticks - self._dropped_before
-        self._dropped_before = pacer.dropped_ticks
+        gaps = [in_words(gap) for gap in pacer.take_gaps()]
+        for text in gaps[:3]:
+            self._say('warning', text)
         silent = loop.silence()
         if loop.failure is not None:
             return ERROR, f'the pacing thread has died: {loop.failure!r}', values
         if silent > HEARTBEAT_LIMIT:
             return ERROR, f'the pacing thread has been silent for {silent:.1f} s', values
-        if dropped:
-            return WARN, f'fell behind: {dropped} ticks dropped in the last second', values
+        if gaps:
+            more = f' and {len(gaps) - 1} more gaps' if len(gaps) > 1 else ''
+            return WARN, gaps[-1] + more, values
         return OK, 'in real time', values
 
     def _since_start(self, share):
@@ -104,13 +105,16 @@ class Health:
 
     def _input(self):
         inputs = self._inputs
-        values = {}
+        values = {'longest from receipt to force [ms]':
+                  f'{self._loop.slowest_setpoint * 1e-6:.3f}'}
         for name in SETPOINTS:
             age = inputs.age(name)
             values[f'{name} accepted'] = inputs.accepted[name]
             values[f'{name} age [s]'] = 'never set' if age is None else f'{age:.1f}'
         for (name, reason), count in sorted(inputs.refused.items()):
             values[f'{name} refused, {reason}'] = count
+        for (name, what), count in sorted(inputs.strangers.items()):
+            values[f'{name} publishers with incompatible {what}'] = count
         refused = sum(inputs.refused.values())
         recent, self._refused_before = refused - self._refused_before, refused
         values['refused'] = refused
@@ -134,3 +138,11 @@ class Health:
         if recent:
             return WARN, f'{recent} messages not recorded in the last second', values
         return OK, 'recording' if status.recording else 'not recording', values
+
+
+def in_words(gap) -> str:
+    """What a gap in the stamps is, for the log and for /diagnostics."""
+    if gap.ticks:
+        return (f'{gap.reason}: {gap.ticks} ticks dropped, the stamps jump by '
+                f'{gap.duration * 1e-9:.3f} s, model time does not')
+    return f'{gap.reason}: the stamps jump by {gap.duration * 1e-9:+.3f} s, model time does not'

@@ -30,6 +30,7 @@ class Inputs:
         self.accepted: Counter = Counter()
         self.refused: Counter = Counter()
         self.last_accepted: dict[str, float] = {}
+        self.strangers: Counter = Counter()
 
     def check(self, name: str, value: float, limits: Limits, in_force: float) -> bool:
         """Whether the setpoint may be obeyed; a refusal is counted, and warned of in words."""
@@ -50,6 +51,13 @@ class Inputs:
             self._warn(f'{name} setpoint {both(name, value)} refused, {reason}: {bound}; '
                        f'{both(name, in_force)} stays in force')
         return False
+
+    def stranger(self, name: str, what: str) -> None:
+        """Count and warn of a publisher that this node cannot hear: its type or QoS is wrong."""
+        self.strangers[name, what] += 1
+        if self.strangers[name, what] == 1:
+            self._warn(f'somebody publishes {name} with an incompatible {what}: it cannot be '
+                       'heard; std_msgs/msg/Float64, reliable, is expected')
 
     def age(self, name: str) -> float | None:
         """Seconds since a setpoint was last accepted; None if never."""

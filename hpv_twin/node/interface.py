@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64
 
@@ -65,6 +66,7 @@ OUTPUTS = {output.name: output for output in (
     Output('~/stroke', Float64, 'm', 'of each cycle; 0 once when oscillation has stopped'),
     Output('/diagnostics', DiagnosticArray, '', 'model, timing, inputs, recorder; once a second'),
 )}
+CLOCK = Output('/clock', Clock, 's', 'model time since rest, with publish_clock')
 
 SETPOINTS = {setpoint.name: setpoint for setpoint in (
     Setpoint('pump_flow', 'pump_flow', 'm³/s', None, 'pump_flow_max', 'pump flow Q_H'),
@@ -106,6 +108,8 @@ PARAMETERS = {parameter.name: parameter for parameter in (
     Parameter('load', None, "load at the start, N; default: the design's", -1e9, 1e9),
     Parameter('publish_rate', 1000.0, 'Hz of wall time for pressure and position', 1.0, 10_000.0),
     Parameter('speed', 1.0, 'model seconds per second of wall time', 0.001, 100.0),
+    Parameter('publish_clock', False, 'publish model time as /clock at publish_rate, for nodes '
+              'with use_sim_time'),
     Parameter('ambient_pressure', 101_325.0, 'Pa, added to the gauge pressure for publishing',
               0.0, 1e6),
     Parameter('pump_flow_max', 4e-3, 'm³/s, highest pump-flow setpoint accepted', 0.0, 1.0,

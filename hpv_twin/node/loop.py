@@ -41,6 +41,7 @@ class Loop:
         self.paused = False
         self.published = 0
         self.busy = 0  # ns spent in ticks since the start
+        self.slowest_setpoint = 0  # ns from receipt to being in force
         self.heartbeat = time.monotonic()
         self.last_stamp = time.time_ns()
         self.failure: BaseException | None = None
@@ -68,7 +69,7 @@ class Loop:
 
     def set(self, field: str, value: float) -> None:
         """Ask for a setpoint to be put in force at the next tick. Any thread may call."""
-        self._setpoints.append((field, value))
+        self._setpoints.append((field, value, time.monotonic_ns()))
 
     def post(self, function) -> None:
         """Have `function(stamp)` run between two ticks. Any thread may call."""
@@ -134,8 +135,10 @@ class Loop:
     def _apply_setpoints(self, stamp):
         """Put what has come in force for the ticks to come, and say what is in force."""
         while self._setpoints:
-            field, value = self._setpoints.popleft()
+            field, value, received = self._setpoints.popleft()
             self.plant.set(field, value)
+            self.slowest_setpoint = max(self.slowest_setpoint,
+                                        time.monotonic_ns() - received)
             self._to_latch[field] = stamp
         for field in list(self._to_latch):
             if stamp - self._latched.get(field, -LATCH_EVERY) >= LATCH_EVERY:

@@ -4,15 +4,18 @@ from __future__ import annotations
 import difflib
 import math
 import threading
+import time
 from pathlib import Path
 
 from builtin_interfaces.msg import Time
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 
@@ -20,7 +23,7 @@ from hpv_twin.model import Vibrator
 
 from .health import HEARTBEAT_LIMIT, Health
 from .inputs import Inputs, Limits
-from .interface import NODE_NAME, OUTPUTS, PARAMETERS, SETPOINTS
+from .interface import CLOCK, NODE_NAME, OUTPUTS, PARAMETERS, SETPOINTS
 from .loop import Loop
 from .pacing import SECOND
 from .plant import Plant
@@ -49,15 +52,21 @@ class TwinNode(Node):
         self._out = {output.name: (index, self.create_publisher(output.type, output.name,
                                                                 output.qos(rate)))
                      for index, output in enumerate(OUTPUTS.values())}
+        self._clock = None
+        if self.settings['publish_clock']:
+            self._clock = self.create_publisher(CLOCK.type, CLOCK.name, CLOCK.qos(rate))
         self._record_every = self._thinning()
         self.recorder = make_recorder(self, vibrator, self._out)
         plant = Plant(vibrator, self.settings['ambient_pressure'])
         self.loop = Loop(plant, rate, self.settings['speed'], self._publish, float_payload)
         self.health = Health(self.get_fully_qualified_name(), self.loop, self.inputs,
-                             self.recorder, rate)
+                             self.recorder, self.say)
         if not self.loop.exact_templates:
             self.say('warning', 'serialized messages differ from the templates: publishing the '
                      'slow way')
+        if self.get_parameter('use_sim_time').value:
+            self.say('warning', 'use_sim_time has no effect here: the twin makes time, its stamps '
+                     'are wall time; with speed and publish_clock others can follow it')
         self._listen()
         self._serve()
         self.add_pre_set_parameters_callback(self._as_declared)
@@ -146,12 +155,19 @@ class TwinNode(Node):
                 in_force = getattr(self.loop.plant.simulation, setpoint.field)
                 if self.inputs.check(name, message.data, self.limits(name), in_force):
                     self.loop.set(setpoint.field, message.data)
-            self.create_subscription(Float64, setpoint.topic, receive, newest_only)
+            strangers = SubscriptionEventCallbacks(
+                incompatible_qos=lambda _, name=name: self.inputs.stranger(name, 'QoS'),
+                incompatible_type=lambda _, name=name: self.inputs.stranger(name, 'type'))
+            self.create_subscription(Float64, setpoint.topic, receive, newest_only,
+                                     event_callbacks=strangers)
 
     def _publish(self, name, stamp, payload):
         """Called by the loop's thread for every message."""
         index, publisher = self._out[name]
         publisher.publish(payload)
+        if self._clock is not None and name == '~/pressure':
+            now = round(self.loop.plant.simulation.time * SECOND)
+            self._clock.publish(ClockMessage(clock=Time(sec=now // SECOND, nanosec=now % SECOND)))
         if self.recorder is not None and not (
                 OUTPUTS[name].steady and self.loop.published % self._record_every):
             self.recorder.write(index, stamp, payload)
@@ -165,7 +181,8 @@ class TwinNode(Node):
         if self.loop.silence() < HEARTBEAT_LIMIT:
             self.loop.post(send)
         else:
-            report.header.stamp = self.get_clock().now().to_msg()
+            now = time.time_ns()
+            report.header.stamp = Time(sec=now // SECOND, nanosec=now % SECOND)
             self._out['/diagnostics'][1].publish(report)
 
     # Services ----------------------------------------------------------------------------------

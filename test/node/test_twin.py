@@ -203,3 +203,65 @@ def test_a_folder_that_cannot_be_written_leaves_the_twin_running(start_twin, ear
     ear.until(lambda: len(pressure) > 100, 'pressure')
     assert 'not recording' in twin.log and '/proc/no' in twin.log
     assert twin.stop() == 0
+
+
+def test_a_stopped_process_reports_one_drop_and_goes_on(start_twin, ear):
+    twin = start_twin('record:=false')
+    pressure = ear.listen(FluidPressure, '/hpv_twin/pressure')
+    report = ear.listen(DiagnosticArray, '/diagnostics')
+    ear.until(lambda: len(report) > 2, 'diagnostics')
+    twin.signal(signal.SIGSTOP)
+    ear.spin(1.5)
+    count = len(pressure)
+    twin.signal(signal.SIGCONT)
+    ear.until(lambda: len(pressure) > count + 1000, 'pressure after the stop')
+    ear.until(lambda: float(value_of(report, 'timing', 'dropped time [s]')) > 1.0, 'the report')
+    steps = np.diff([stamp(message) for message in pressure])
+    gaps = (steps - 1_000_000)[steps > 2_000_000]
+    assert gaps.sum() * 1e-9 == pytest.approx(
+        float(value_of(report, 'timing', 'dropped time [s]')), abs=1e-3)
+    assert gaps.max() * 1e-9 == pytest.approx(1.5, abs=0.3)
+    assert 'fell behind' in twin.log
+    # Model time has not jumped: the pressure goes on where it was.
+    rates = np.abs(np.diff([message.fluid_pressure for message in pressure]))
+    k = int(np.argmax(steps))
+    assert rates[k] <= 1.05 * rates.max()
+    assert value_of(report, 'model', 'model time [s]') is not None
+
+
+def test_use_sim_time_is_said_to_have_no_effect_and_clock_can_be_published(start_twin, ear):
+    from rosgraph_msgs.msg import Clock
+    twin = start_twin('use_sim_time:=true', 'publish_clock:=true', 'speed:=0.1', 'record:=false')
+    clock = ear.listen(Clock, '/clock')
+    pressure = ear.listen(FluidPressure, '/hpv_twin/pressure')
+    ear.until(lambda: len(clock) > 500 and len(pressure) > 500, 'a second of clock')
+    assert 'use_sim_time has no effect' in twin.log
+    seconds = [message.clock.sec + 1e-9 * message.clock.nanosec for message in clock]
+    assert np.median(np.diff(seconds)) == pytest.approx(1e-4, rel=1e-3)
+    assert np.median(np.diff([stamp(message) for message in pressure])) == 1_000_000
+
+
+def test_publishers_that_cannot_be_heard_are_counted(start_twin, ear):
+    from rclpy.qos import QoSProfile, ReliabilityPolicy
+    from std_msgs.msg import Float32
+    twin = start_twin('record:=false')
+    report = ear.listen(DiagnosticArray, '/diagnostics')
+    ear.until(lambda: report, 'diagnostics')
+    best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    ear.node.create_publisher(Float64, '/hpv_twin/load_setpoint', best_effort)
+    ear.node.create_publisher(Float32, '/hpv_twin/preload_setpoint', 1)
+    ear.until(lambda: value_of(report, 'inputs', 'load publishers with incompatible QoS') == '1',
+              'the count')
+    assert 'somebody publishes load with an incompatible QoS' in twin.log
+    assert twin.stop() == 0
+
+
+def test_two_twins_live_in_two_namespaces(start_twin, ear):
+    one = start_twin('record:=false', ros=['-r', '__ns:=/left'])
+    other = start_twin('record:=false', 'pump_flow:=3.65e-4', ros=['-r', '__ns:=/right'])
+    left = ear.listen(Float64, '/left/hpv_twin/frequency')
+    right = ear.listen(Float64, '/right/hpv_twin/frequency')
+    ear.until(lambda: len(left) > 20 and len(right) > 20, 'both frequencies')
+    assert left[-1].data == pytest.approx(55.0, abs=0.5)
+    assert right[-1].data == pytest.approx(expected_frequency(pump_flow=3.65e-4), rel=1e-3)
+    assert one.stop() == 0 and other.stop() == 0
