@@ -23,7 +23,7 @@ endif
 .SILENT:
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help twin setpoint given replay test test-long colcon lint bench lock clean
+.PHONY: help twin setpoint given replay test test-long coverage colcon lint bench lock clean
 
 help: ## this list
 	printf 'hpv_twin: a real-time digital twin of a hydropulse vibrator\n\n'
@@ -52,14 +52,20 @@ test: lint ## ruff and the tests; ARGS='-k recover' chooses among them
 test-long: $(installed)-$(EXTRAS) ## the tests that take minutes
 	$(py) -m pytest -m long --timeout=0 $(ARGS)
 
+coverage: $(installed)-$(EXTRAS) ## lines of the model that the tests run, its kernel uncompiled
+	NUMBA_DISABLE_JIT=1 $(py) -m pytest -q -m 'not long and not compiled' test/model \
+	  --cov=hpv_twin.model --cov-report=term-missing:skip-covered --cov-fail-under=95
+
 colcon: $(installed)-$(EXTRAS) ## is it a ROS package? colcon and pip install it, ros2 run finds it
 	$(py) -m pytest -v test/test_package.py $(ARGS)
 
 lint: $(installed)-$(EXTRAS) ## ruff alone
 	$(py) -m ruff check
 
-bench: $(installed)-$(EXTRAS) ## rate, lateness and CPU share of the node
-	exec $(py) bench/node_rate.py $(ARGS)
+bench: $(installed)-$(EXTRAS) ## tables: speed of the model, rate and lateness of the node, setpoints
+	$(py) bench/model_speed.py
+	$(py) bench/node_rate.py
+	$(py) bench/setpoint_response.py
 
 lock: $(VENV)/bin/pip ## write requirements/*.txt anew, with today's versions
 	$(py) -m pip install --quiet uv

@@ -44,6 +44,7 @@ setup(
             'mcap-ros2-support',
             'psutil',
             'pytest',
+            'pytest-cov',
             'pytest-timeout',
             'rosbags',
             'ruff',

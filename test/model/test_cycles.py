@@ -77,6 +77,7 @@ def test_every_row_of_equation_6_sums_to_the_period(setpoints):
         assert all((part > 0.0).all() for part in row)
 
 
+@pytest.mark.compiled
 def test_times_of_equation_6_are_those_read_off_the_waveform():
     simulation = Simulation()
     simulation.advance(0.5)
@@ -96,6 +97,7 @@ def test_times_of_equation_6_are_those_read_off_the_waveform():
     assert cycles.lowest_pressure[1] == pytest.approx(pressure.min(), rel=1e-6)
 
 
+@pytest.mark.compiled
 def test_figures_of_euler_are_near_those_of_the_default():
     simulation = Simulation(method='euler', step=1e-6)
     simulation.advance(0.3)

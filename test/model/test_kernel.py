@@ -34,6 +34,7 @@ def discharge(steps, order, duration=0.8e-3):
     return np.array([above * 1e-6, y * 1e3, v])
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize('order, coarse, fine', [(4, 64, 128), (6, 64, 128), (8, 32, 64)])
 def test_series_converge_with_their_order(order, coarse, fine):
     exact = discharge(64, kernel.ORDER_SLOT)
@@ -42,6 +43,7 @@ def test_series_converge_with_their_order(order, coarse, fine):
     assert slope == pytest.approx(order, abs=0.3)
 
 
+@pytest.mark.compiled
 def test_order_in_use_reaches_rounding_in_a_few_steps():
     # Order 24 falls from 1e-3 to rounding within one halving of the step: no slope can be read.
     exact = discharge(64, kernel.ORDER_SLOT)
@@ -63,6 +65,7 @@ def copied(tmp_path):
     return tmp_path
 
 
+@pytest.mark.compiled
 def test_a_changed_callee_is_seen_in_spite_of_the_cache(copied):
     cache = {'NUMBA_CACHE_DIR': str(copied / 'cache')}
     before = run_copy(copied, cache).stdout
@@ -77,6 +80,7 @@ def test_a_changed_callee_is_seen_in_spite_of_the_cache(copied):
     assert run_copy(copied, cache).stdout != before
 
 
+@pytest.mark.compiled
 def test_without_a_writable_place_it_compiles_in_memory_and_says_so(copied):
     (copied / 'hpv_twin' / 'model' / '__pycache__').write_text('in the way')
     nowhere = {'HOME': '/proc/1/none', 'XDG_CACHE_HOME': '/proc/1/none',

@@ -52,6 +52,7 @@ def test_setpoint_changes_do_work_that_is_accounted_for():
     assert abs(energy.oil_residual) < 1e-9 * energy.pump_work
 
 
+@pytest.mark.compiled
 def test_euler_misses_in_proportion_to_its_step():
     steps = np.array([2e-5, 1e-5, 5e-6])
     missed = [ledger_after(0.5, method='euler', step=step) for step in steps]

@@ -168,12 +168,14 @@ def test_chatter_is_an_error_that_names_the_state():
     assert 'stage "closed"' in simulation._chatter() and 'preload' in simulation._chatter()
 
 
+@pytest.mark.compiled
 def test_a_log_longer_than_the_buffer_loses_nothing():
     whole = Simulation().advance(20.0, sample_rate=10)
     assert len(whole.switches) > 5000
     assert (whole.switches['stage_before'][1:] == whole.switches['stage_after'][:-1]).all()
 
 
+@pytest.mark.compiled
 def test_euler_halving_its_step_moves_stroke_and_peak_by_less_than_half_a_permille():
     def figures(step):
         cycles = find_cycles(Simulation(method='euler', step=step).advance(0.5))
