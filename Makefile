@@ -23,7 +23,7 @@ endif
 .SILENT:
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help twin setpoint given replay test test-long coverage colcon lint bench lock clean
+.PHONY: help twin setpoint given replay test test-long coverage colcon lint bench soak lock clean
 
 help: ## this list
 	printf 'hpv_twin: a real-time digital twin of a hydropulse vibrator\n\n'
@@ -66,6 +66,10 @@ bench: $(installed)-$(EXTRAS) ## tables: speed of the model, rate and lateness o
 	$(py) bench/model_speed.py
 	$(py) bench/node_rate.py
 	$(py) bench/setpoint_response.py
+
+MINUTES ?= 20
+soak: $(installed)-$(EXTRAS) ## the twin for MINUTES=20: memory, gaps, lateness, drift
+	exec $(py) bench/soak.py --minutes $(MINUTES)
 
 lock: $(VENV)/bin/pip ## write requirements/*.txt anew, with today's versions
 	$(py) -m pip install --quiet uv
