@@ -77,4 +77,4 @@ def status(node) -> str:
         motion = (f'{cycle.frequency:.1f} Hz  {cycle.stroke * 1e3:.2f} mm  '
                   f'peak {cycle.peak_pressure * 1e-6:.1f} MPa gauge')
     return (f'{motion}  {litres_per_minute(simulation.pump_flow)}  '
-            f'preload {simulation.preload * 1e3:.2f} mm  margin {100.0 * node.health.margin:.0f} %')
+            f'preload {simulation.preload * 1e3:.2f} mm  margin {100.0 * node.health.margin:.0f}%')
