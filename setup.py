@@ -56,6 +56,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (SHARE, ['package.xml']),
         (f'{SHARE}/config', sorted(glob('config/*.yaml'))),
+        (f'{SHARE}/config/sros2', sorted(glob('config/sros2/*.xml'))),
         (f'{SHARE}/launch', sorted(glob('launch/*.launch.py'))),
         # One executable per command, where `ros2 run` looks. pip would put no script there.
         (f'lib/{PACKAGE}', sorted(glob('launchers/*'))),

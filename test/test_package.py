@@ -119,10 +119,13 @@ def test_launcher_runs_the_installed_code(installed, source, tmp_path):
     assert run(prefix / 'bin/hpv-twin', '--version', env=env) == f'hpv_twin {__version__}\n'
 
 
-@pytest.mark.parametrize(('folder', 'pattern'), [('config', '*.yaml'), ('launch', '*.launch.py')])
+@pytest.mark.parametrize(('folder', 'pattern'), [
+    ('config', '*.yaml'), ('config/sros2', '*.xml'), ('launch', '*.launch.py'),
+])
 def test_shared_files_are_installed(installed, folder, pattern):
     prefix, _ = installed
-    there = {path.name for path in (prefix / 'share/hpv_twin' / folder).glob('*')}
+    there = {path.name for path in (prefix / 'share/hpv_twin' / folder).iterdir()
+             if path.is_file()}
     assert there == {path.name for path in (ROOT / folder).glob(pattern)}
 
 
@@ -154,7 +157,8 @@ def test_one_version_everywhere(metadata, manifest):
 
 
 def test_only_the_package_is_installed(metadata):
-    tops = {path.parts[0] for path in metadata.files if path.suffix == '.py'}
+    # What lies outside, under "..", is data: the launch file.
+    tops = {path.parts[0] for path in metadata.files if path.suffix == '.py'} - {'..'}
     assert tops == {'hpv_twin'}
 
 
@@ -174,10 +178,12 @@ def test_rosdep_keys_follow_the_requirements(metadata, manifest):
 
 
 def test_what_is_imported_is_required(metadata, manifest):
-    names = set().union(*(imports(path) for path in (ROOT / 'hpv_twin').rglob('*.py')))
+    files = [*(ROOT / 'hpv_twin').rglob('*.py'), *(ROOT / 'launch').glob('*.py')]
+    names = set().union(*map(imports, files))
     names = {name for name in names if not name.startswith('hpv_twin')} - sys.stdlib_module_names
     ros = {name for name in names
-           if name == 'rclpy' or name.endswith(('_msgs', '_srvs', '_interfaces'))}
+           if name in ('rclpy', 'launch', 'launch_ros')
+           or name.endswith(('_msgs', '_srvs', '_interfaces'))}
     keys = {depend.name for depend in manifest.exec_depends}
     assert {key for key in keys if not re.match('python3-|mcap-', key)} == ros
     assert {IMPORTED_AS.get(name, name) for name in names - ros} <= set(requirements(metadata))

@@ -60,6 +60,7 @@ def main(argv: list[str] | None = None) -> int:
 def run(argv, stop) -> int:
     """Start ROS, build the node, serve it until the end."""
     import rclpy
+    from rclpy._rclpy_pybind11 import RCLError  # has no public name
     from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
     from rclpy.signals import SignalHandlerOptions
 
@@ -75,7 +76,7 @@ def run(argv, stop) -> int:
     try:
         node = TwinNode()
     except (ParameterError, VibratorError, InvalidParameterTypeException,
-            InvalidParameterValueException) as error:
+            InvalidParameterValueException, RCLError) as error:
         print(f'hpv-twin twin: {one_line(error)}', file=sys.stderr)
         rclpy.try_shutdown()
         return 2
@@ -99,7 +100,8 @@ def serve(node, stop) -> int:
     sys.setswitchinterval(SWITCH_INTERVAL)
     console = Console()
     node.before_speaking = console.clear
-    node.warm_up()
+    if not warm_up(node, stop):
+        return 0
     executor_thread = threading.Thread(target=spin, args=(node, stop), name='executor')
     node.start()
     executor_thread.start()
@@ -113,6 +115,21 @@ def serve(node, stop) -> int:
         node.say('error', f'the pacing thread has died: {node.loop.failure!r}')
         return 1
     return 0
+
+
+def warm_up(node, stop) -> bool:
+    """Compile in a thread of its own, which nobody waits for once the process is to end."""
+    compiling = threading.Thread(target=node.warm_up, name='compiler', daemon=True)
+    compiling.start()
+    while compiling.is_alive():
+        compiling.join(0.05)
+        if stop.is_set() and compiling.is_alive():
+            node.close()
+            node.destroy_node()
+            sys.stdout.flush()
+            # The compiler cannot be interrupted, nor can the interpreter end beneath it.
+            os._exit(0)
+    return not stop.is_set()
 
 
 def spin(node, stop) -> None:

@@ -1,5 +1,6 @@
 """The real node, its real messages, and what an operator can do to it."""
 import signal
+import subprocess
 
 import numpy as np
 import pytest
@@ -265,3 +266,14 @@ def test_two_twins_live_in_two_namespaces(start_twin, ear):
     assert left[-1].data == pytest.approx(55.0, abs=0.5)
     assert right[-1].data == pytest.approx(expected_frequency(pump_flow=3.65e-4), rel=1e-3)
     assert one.stop() == 0 and other.stop() == 0
+
+
+@pytest.mark.parametrize('delay', [0.2, 1.0, 3.0])
+def test_a_signal_while_the_model_compiles_ends_it(start_twin, tmp_path, monkeypatch, delay):
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'cold'))
+    twin = start_twin()
+    with pytest.raises(subprocess.TimeoutExpired):
+        twin.wait(delay)
+    twin.signal(signal.SIGINT)
+    assert twin.wait(3) == 0
+    assert 'Traceback' not in twin.log and not twin.recordings
