@@ -45,7 +45,7 @@ ROW_TIME, ROW_BEFORE, ROW_AFTER, ROW_P, ROW_Y, ROW_V = range(6)
 ROW_P_MAX, ROW_T_P_MAX, ROW_P_MIN, ROW_T_P_MIN, ROW_Y_MAX, ROW_T_Y_MAX, ROW_Y_MIN = range(6, 13)
 ROW_RISE_TIME = 13
 ROW_SIZE = 14
-# Columns of the samples.
+# Rows of the samples.
 SAMPLE_TIME, SAMPLE_P, SAMPLE_Y, SAMPLE_V, SAMPLE_SLEEVE, SAMPLE_PHASE = range(6)
 SAMPLE_SIZE = 6
 # What an integrator returns.
@@ -299,15 +299,15 @@ def switch_to(state, stage, table, par, changed, log, used):
 
 @inner
 def put_sample(samples, k, time, p, y, v, sleeve, stage):
-    """Write line `k` of the samples."""
-    samples[k, SAMPLE_TIME], samples[k, SAMPLE_P] = time, p
-    samples[k, SAMPLE_Y], samples[k, SAMPLE_V] = y, v
-    samples[k, SAMPLE_SLEEVE], samples[k, SAMPLE_PHASE] = sleeve, PHASE_OF_STAGE[stage]
+    """Write column `k` of the samples."""
+    samples[SAMPLE_TIME, k], samples[SAMPLE_P, k] = time, p
+    samples[SAMPLE_Y, k], samples[SAMPLE_V, k] = y, v
+    samples[SAMPLE_SLEEVE, k], samples[SAMPLE_PHASE, k] = sleeve, PHASE_OF_STAGE[stage]
 
 
 @inner
 def write_sample(state, par, samples, k):
-    """Write the present state as line `k` of the samples."""
+    """Write the present state as column `k` of the samples."""
     stage = int(state[STAGE])
     put_sample(samples, k, state[TIME], state[P], state[Y], state[V],
                sleeve_position(state[Y], stage, par), stage)
@@ -350,7 +350,7 @@ def add_powers(ledger, duration, p, y, v, root, stage, table, par):
 def euler_closed(p, rate, limit, step, count):
     """Step the build-up until p passes `limit`: returns p before and after, whole steps done."""
     for done in range(count):
-        after = max(p + step * rate, VACUUM)
+        after = p + step * rate  # never falls: no vacuum to mind
         if after > limit:
             return p, after, done
         p = after
@@ -395,8 +395,12 @@ def euler_moving(state, row, par, step, count):
     p_max, p_min, i_max, i_min = state[P_MAX], state[P_MIN], -1, -1
     return_p, i_rise = state[RETURN_P], -1.0
     done, p_after, y_after, v_after = 0, p, y, v
+    slotted = s1 != 0.0
     while done < count:
-        balance = flow_balance(p, y, v, displaced, s0, s1, pump_flow, drain, orifice)
+        if slotted:
+            balance = flow_balance(p, y, v, displaced, s0, s1, pump_flow, drain, orifice)
+        else:
+            balance = pump_flow - displaced * v
         force = net_force(p, y, v, balance, area, force0, ks, flow, friction)
         p_after = max(p + to_pressure * balance, VACUUM)
         y_after = y + step * v
@@ -544,16 +548,17 @@ def euler_steps(state, table, par, stop, step, log, used, ledger):
 
 
 @entry
-def advance_euler(state, table, par, changed, until, step, first, rate, samples, log, ledger):
+def advance_euler(state, table, par, changed, until, step, first, rate, samples, written, log,
+                  ledger):
     """
     Integrate by the paper's explicit Euler method to the time `until`.
 
     Steps lie on the grid n*step of model time; a sample or the end of the slice off that grid
-    shortens a step. Samples are taken at (first + k)/rate. Returns (code, samples written, log
-    rows used); with LOG_FULL the caller empties the log and calls again.
+    shortens a step. Sample k is taken at (first + k)/rate; `written` of them are there already.
+    Returns (code, samples written, log rows used); with LOG_FULL the caller empties the log and
+    calls again.
     """
     used = 0
-    written = 0
     if changed:
         state[REPEATS] = 0.0
         used = switch_to(state, next_stage(state, table, par, True), table, par, True, log, used)
@@ -561,7 +566,7 @@ def advance_euler(state, table, par, changed, until, step, first, rate, samples,
             return CHATTER, written, 0
     while True:
         stop = until
-        if written < len(samples):
+        if written < samples.shape[1]:
             stop = min(until, (first + written) / rate)
         while state[TIME] < stop:
             if used > len(log) - 2 * SWITCHES_AT_ONCE:
@@ -569,7 +574,7 @@ def advance_euler(state, table, par, changed, until, step, first, rate, samples,
             used = euler_steps(state, table, par, stop, step, log, used, ledger)
             if used < 0:
                 return CHATTER, written, 0
-        if written < len(samples):
+        if written < samples.shape[1]:
             write_sample(state, par, samples, written)
             written += 1
         else:
@@ -611,7 +616,7 @@ LEVEL, POSITION, VELOCITY, FORCE, CLOCK, SPARE, FACTS = range(7)
 # Facts: law of flow, order, p - p_dp at the start, where it ends and how long that takes, what
 # happens there, where the pressure turns on the way (and its value), and the state at the end.
 MODE, ORDER, ABOVE, END, DURATION, TURNS, LEAVES, DIRECTION = range(8)
-TURN_TIME, TURN_P, END_P, END_Y, END_V, RISE = range(8, 14)
+TURN_TIME, TURN_P, END_P, END_Y, END_V, RISE, END_SLOPE = range(8, 15)
 ORBIT = 48  # series kept from an opening on; what comes after uses the last place again and again
 WORKSPACE = (ORBIT + 1, 7, ORDER_SLOT + 1)
 LONGEST = 1.0  # s: a plunger at rest has a series without end
@@ -864,9 +869,13 @@ def place_of(c, time):
         return max(time, 0.0)
     if time >= c[FACTS, DURATION]:
         return c[FACTS, END]
-    end = c[FACTS, END]
-    return crossing(c[CLOCK], int(c[FACTS, ORDER]), time, -1.0, end,
-                    end * time / c[FACTS, DURATION])
+    # A cubic through both ends, with the slopes 1/w there, is a guess near enough.
+    end, duration = c[FACTS, END], c[FACTS, DURATION]
+    part = time / duration
+    rest = 1.0 - part
+    guess = (duration * part * rest * (rest - part * c[FACTS, END_SLOPE])
+             + end * part * part * (3.0 - 2.0 * part))
+    return crossing(c[CLOCK], int(c[FACTS, ORDER]), time, -1.0, end, guess)
 
 
 @inner
@@ -914,6 +923,7 @@ def expand(c, state, row, par):
     facts[MODE], facts[ORDER], facts[ABOVE], facts[END] = mode, order, above, end
     facts[TURNS], facts[LEAVES], facts[DIRECTION] = turns, leaves, direction
     facts[DURATION] = horner(c[CLOCK], order, end) if mode == TURBULENT else end
+    facts[END_SLOPE] = 1.0 / horner(c[LEVEL], order, end) if mode == TURBULENT else 1.0
     facts[TURN_TIME] = -1.0
     if turn < end:
         facts[TURN_TIME] = horner(c[CLOCK], order, turn) if mode == TURBULENT else turn
@@ -951,7 +961,7 @@ def series_in_use(state, table, par, store):
 def moving_samples(c, until, state, par, first, rate, samples, written):
     """Write the samples that lie on the series up to `until`; returns how many there are now."""
     stage, order = int(state[STAGE]), int(c[FACTS, ORDER])
-    while written < len(samples):
+    while written < samples.shape[1]:
         time = (first + written) / rate
         if time > until:
             break
@@ -1040,7 +1050,7 @@ def exact_moving(state, table, par, until, store, first, rate, samples, written,
         after = neighbour(stage, state[Y], -1.0, par)
         return written, switch_to(state, after, table, par, False, log, used)
     end = state[ANCHOR_TIME] + store[i, FACTS, DURATION]
-    if written < len(samples) and (first + written) / rate <= min(end, until):
+    if written < samples.shape[1] and (first + written) / rate <= min(end, until):
         written = moving_samples(store[i], min(end, until), state, par, first, rate, samples,
                                  written)
     if len(ledger) > 0:
@@ -1072,7 +1082,7 @@ def straight_samples(state, until, rise, first, rate, samples, written):
     """Write the samples up to `until` while the plunger stands and p = p_a + rise*(t - t_a)."""
     stage, y = int(state[STAGE]), state[Y]
     start, p = state[ANCHOR_TIME], state[ANCHOR_P]
-    while written < len(samples):
+    while written < samples.shape[1]:
         time = (first + written) / rate
         if time > until:
             break
@@ -1195,7 +1205,7 @@ def exact_open(state, table, par, until, first, rate, samples, written, log, use
     end = NEVER
     if target >= 0.0:
         end = state[ANCHOR_TIME] + time_to_root(root, target, still) / pace
-    while written < len(samples) and (first + written) / rate <= min(end, until):
+    while written < samples.shape[1] and (first + written) / rate <= min(end, until):
         time = (first + written) / rate
         then = root_after(root, still, max(time - state[ANCHOR_TIME], 0.0) * pace)
         put_sample(samples, written, time, then * then + par[DRAIN], state[Y], 0.0, state[Y], OPEN)
@@ -1213,14 +1223,14 @@ def exact_open(state, table, par, until, first, rate, samples, written, log, use
 
 
 @entry
-def advance_exact(state, table, par, changed, until, store, first, rate, samples, log, ledger):
+def advance_exact(state, table, par, changed, until, store, first, rate, samples, written, log,
+                  ledger):
     """
     Integrate to the time `until`: closed forms and Taylor series, switches located on them.
 
     Samples, return values and the log are those of `advance_euler`.
     """
     used = 0
-    written = 0
     if changed:
         state[REPEATS], state[CURSOR], state[STORED] = 0.0, -1.0, 0.0
         anchor(state)
@@ -1242,7 +1252,7 @@ def advance_exact(state, table, par, changed, until, store, first, rate, samples
                                          samples, written, log, used, ledger)
         if used < 0:
             return CHATTER, written, 0
-    while written < len(samples):
+    while written < samples.shape[1]:
         # The last sample may lie past the end by rounding.
         write_sample(state, par, samples, written)
         written += 1

@@ -19,7 +19,7 @@ SWITCH = np.dtype([
     ('plunger_velocity', float), ('pressure_max', float), ('pressure_max_time', float),
     ('pressure_min', float), ('pressure_min_time', float), ('position_max', float),
     ('position_max_time', float), ('position_min', float), ('rise_time', float)])
-LOG_ROWS = 256
+LOG_ROWS = 1024
 RECENT = 40  # rows of the log that tell the regime: some four cycles
 METHODS = ('default', 'euler')
 
@@ -102,7 +102,7 @@ class Simulation:
             self._integrator = kernel.advance_euler, float(step)
         else:
             self._integrator = kernel.advance_exact, np.zeros(kernel.WORKSPACE)
-        self._no_samples = np.empty((0, kernel.SAMPLE_SIZE))
+        self._no_samples = np.empty((kernel.SAMPLE_SIZE, 0))
         self._state = np.empty(kernel.STATE_SIZE)
         self._no_ledger = np.empty(0)
         self._account = Account(self) if ledger else None
@@ -124,6 +124,7 @@ class Simulation:
         flow, preload, load = self._setpoints
         self._parameters[kernel.PUMP_FLOW] = flow
         self._table = kernel.stage_table(self.vibrator, preload, load)
+        self._design = None
         self._changed = True
 
     def _set(self, index, name, unit, value, low):
@@ -169,8 +170,10 @@ class Simulation:
     @property
     def design(self) -> Vibrator:
         """The vibrator with the setpoints in force as its pump flow, preload and load."""
-        return self.vibrator.replace(pump_flow=self.pump_flow, preload=self.preload,
-                                     load=self.load)
+        if self._design is None:
+            self._design = self.vibrator.replace(pump_flow=self.pump_flow, preload=self.preload,
+                                                 load=self.load)
+        return self._design
 
     @property
     def time(self) -> float:
@@ -269,11 +272,10 @@ class Simulation:
         sample_rate = float(sample_rate)
         until = self._end(duration)
         first, last = self._grid(self.time, sample_rate) + 1, self._grid(until, sample_rate)
-        samples = np.empty((max(0, last - first + 1), kernel.SAMPLE_SIZE))
+        samples = np.empty((kernel.SAMPLE_SIZE, max(0, last - first + 1)))
         rows = self._run(until, samples, first, sample_rate)
-        columns = np.ascontiguousarray(samples.T)
-        return Trace(*columns[:kernel.SAMPLE_PHASE],
-                     phase=columns[kernel.SAMPLE_PHASE].astype(np.int8),
+        return Trace(*samples[:kernel.SAMPLE_PHASE],
+                     phase=samples[kernel.SAMPLE_PHASE].astype(np.int8),
                      switches=as_switches(rows), vibrator=self.design)
 
     def tick(self, duration: float) -> np.ndarray:
@@ -304,12 +306,11 @@ class Simulation:
         written = 0
         while True:
             integrate, how = self._integrator
-            code, count, used = integrate(
+            code, written, used = integrate(
                 self._state, self._table, self._parameters, self._changed, until, how,
-                first + written, rate, samples[written:], self._log,
+                first, rate, samples, written, self._log,
                 self._no_ledger if self._account is None else self._account.integrals)
             self._changed = False
-            written += count
             if code == kernel.CHATTER:
                 raise ModelError(self._chatter())
             logs.append(self._log[:used].copy())
