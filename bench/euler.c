@@ -74,7 +74,9 @@ static inline long stand(const struct design *d, struct state *s, double dt, lon
     while (left > 0) {
         double balance = flow_balance(d, &r, slotted, p, y, 0.0);
         double force = net_force(d, &r, p, y, 0.0, balance);
-        p = larger(p + gain * balance, VACUUM);
+        p += gain * balance;
+        if (slotted) /* a shut slot lets the pressure only rise */
+            p = larger(p, VACUUM);
         peak = larger(peak, p);
         left--;
         if (sign * force > 0.0) {

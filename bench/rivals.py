@@ -148,6 +148,7 @@ class PythonEuler(Rival):
         return euler_loop(self.rows, self.constants, self.number(STEP), self.steps, self.every,
                           self.root)
 
+
 class NumpyEuler(PythonEuler):
     """The same loop on what one gets by indexing NumPy arrays."""
 
@@ -197,6 +198,7 @@ class CEuler(Rival):
         self.call(self.design.ctypes, ctypes.c_double(STEP), ctypes.c_long(self.steps),
                   ctypes.c_long(self.every), ctypes.byref(output))
         return samples, openings[:output.found], peaks[:output.found]
+
 
 class COneLoop(CEuler):
     """One loop over all steps."""

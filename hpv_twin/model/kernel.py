@@ -875,6 +875,7 @@ def place_of(c, time):
     rest = 1.0 - part
     guess = (duration * part * rest * (rest - part * c[FACTS, END_SLOPE])
              + end * part * part * (3.0 - 2.0 * part))
+    guess = min(max(guess, 0.0), end)
     return crossing(c[CLOCK], int(c[FACTS, ORDER]), time, -1.0, end, guess)
 
 
