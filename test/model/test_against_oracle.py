@@ -9,6 +9,8 @@ from oracle_record import CLOSED, FORWARD, OPEN, RETURN, OracleCycle
 
 from hpv_twin.model import Simulation, Vibrator, find_cycles
 
+pytestmark = pytest.mark.compiled
+
 BASE = Vibrator()
 FIGURES = [name for name in OracleCycle._fields if name != 'start']
 COLUMNS = ('pressure', 'plunger_position', 'plunger_velocity', 'sleeve_position')

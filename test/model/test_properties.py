@@ -10,6 +10,8 @@ from oracle_designs import SPREAD, phase_switches, simulate
 
 from hpv_twin.model import Simulation, Trace, Vibrator, kernel
 
+pytestmark = pytest.mark.compiled
+
 BASE = Vibrator()
 VACUUM = -101_325.0  # Pa gauge
 QUICK = {'deadline': None, 'derandomize': True, 'database': None,
