@@ -195,6 +195,7 @@ def pumped(design, sequence, time):
                for flow, start, end in zip(flows, instants, ends, strict=True))
 
 
+@pytest.mark.long
 @examples(40)
 def test_oil_is_conserved_but_for_what_the_vacuum_adds(design, sequence, method):
     trace = simulate(design, DURATION, sequence, sample_rate=1e6)
