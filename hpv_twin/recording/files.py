@@ -102,14 +102,14 @@ def make_room(directory: Path, name: str, limit: float) -> Iterator[Path | OSErr
     a file that cannot be removed is passed over.
     """
     files = own_files(directory, name)
-    total = sum(_size(path) for path in files)
+    total = sum(size_of(path) for path in files)
     for path in files:
         if total <= limit:
             return
         try:
             if _is_being_written(path):
                 continue
-            size = _size(path)
+            size = size_of(path)
             path.unlink()
         except FileNotFoundError:
             continue
@@ -120,7 +120,8 @@ def make_room(directory: Path, name: str, limit: float) -> Iterator[Path | OSErr
         yield path
 
 
-def _size(path: Path) -> int:
+def size_of(path: Path) -> int:
+    """Bytes in a file; 0 if it is not there."""
     try:
         return path.stat().st_size
     except OSError:

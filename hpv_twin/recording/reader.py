@@ -4,38 +4,28 @@ Files that were never finished, or are damaged, are read as far as they can be u
 """
 
 import os
-import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
-from datetime import UTC, datetime
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from . import cdr
+from .about import Recording, Topic, attached_design, describe
 from .cdr import JointSignal, PressureSignal, ScalarSignal
-from .files import STAMP, SUFFIX
+from .files import size_of
+from .parts import find_parts, find_recordings
 from .scan import Scan
-from .segment import CLOSING_RECORD, OPENING_RECORD
 from .summary import RecordingError
 
 __all__ = ['JointSignal', 'Message', 'PressureSignal', 'Recording', 'RecordingError',
-           'ScalarSignal', 'Topic', 'describe', 'find_recordings', 'messages', 'read_signals']
+           'ScalarSignal', 'Topic', 'attached_design', 'describe', 'find_parts', 'find_recordings',
+           'messages', 'read_signals']
 
 Signal = PressureSignal | JointSignal | ScalarSignal
 FIELDS = {'sensor_msgs/msg/FluidPressure': cdr.pressure_fields,
           'sensor_msgs/msg/JointState': cdr.joint_fields,
           'std_msgs/msg/Float64': cdr.scalar_fields}
-NAME_STAMP = re.compile(rf'_({STAMP})')
-
-
-class Topic(NamedTuple):
-    """The message type of a topic and how many messages a file holds."""
-
-    type_name: str
-    count: int
 
 
 class Message(NamedTuple):
@@ -49,53 +39,14 @@ class Message(NamedTuple):
     payload: bytes
 
 
-@dataclass(frozen=True)
-class Recording:
-    """What a file says of itself.
-
-    `complete`: it was finished and its index is intact; otherwise `problem` says in one line what
-    is wrong. `metadata` is what the recorder was given, with what it noted at the end; `records`
-    holds all metadata records by name. `start`, `end`: first and last log time in ns, None
-    without messages. `size` in bytes.
-    """
-
-    path: Path
-    complete: bool
-    problem: str
-    size: int
-    library: str
-    metadata: dict[str, str]
-    records: dict[str, dict[str, str]]
-    attachments: dict[str, bytes]
-    topics: dict[str, Topic]
-    start: int | None
-    end: int | None
-
-    @property
-    def messages(self) -> int:
-        """How many messages there are in all."""
-        return sum(topic.count for topic in self.topics.values())
-
-
-def describe(path: str | os.PathLike) -> Recording:
-    """What is in a recording; a file with an index is not read through. Raises RecordingError."""
-    with Scan(path) as scan:
-        counts, start, end = _indexed(scan) or _counted(scan)
-        topics, every = _topics(scan, counts), {}
-        for record in scan.metadata:
-            every[record.name] = every.get(record.name, {}) | record.metadata
-        problem = scan.problem or (scan.troubles[0].reason if scan.troubles else '')
-        return Recording(
-            Path(path).absolute(), not problem, problem, scan.size, scan.header.library,
-            every.get(OPENING_RECORD, {}) | every.get(CLOSING_RECORD, {}), every,
-            {record.name: record.data for record in scan.attachments}, topics, start, end)
-
-
 def messages(path: str | os.PathLike, topics: Iterable[str] | None = None,
              start: int | None = None, end: int | None = None) -> Iterator[Message]:
-    """Every message with `start` <= log time < `end` (ns), in file order. Raises RecordingError."""
+    """Every message with `start` <= log time < `end` (ns), in file order, part by part.
+
+    Raises RecordingError.
+    """
     wanted = None if topics is None else set(topics)
-    with Scan(path) as scan:
+    for scan, _, _ in _scans(path, start, end):
         for block in scan.blocks(start, end):
             names = {number: (channel.topic, scan.type_name(number))
                      for number, channel in scan.channels.items()
@@ -115,12 +66,12 @@ def read_signals(path: str | os.PathLike, topics: Iterable[str] | None = None,
 
     Without `topics`: all of FluidPressure, JointState and Float64. `start` <= log time < `end`, in
     ns. `time` is the stamp in the header; the log time where there is none, or where it is 0.
-    `progress(done, size)` is told bytes. Raises RecordingError, also for a topic that is not there
-    or is of another type.
+    The parts of a recording are read as one. `progress(done, size)` is told bytes. Raises
+    RecordingError, also for a topic that is not there or is of another type.
     """
     wanted = None if topics is None else set(topics)
-    pieces, malformed, seen = defaultdict(list), defaultdict(int), 0
-    with Scan(path) as scan:
+    pieces, malformed, seen, types = defaultdict(list), defaultdict(int), 0, {}
+    for scan, before, total in _scans(path, start, end):
         for block in scan.blocks(start, end):
             for number, fields_of in _readable(scan, wanted).items():
                 topic = scan.channels[number].topic
@@ -131,65 +82,34 @@ def read_signals(path: str | os.PathLike, topics: Iterable[str] | None = None,
                                   for group in groups]
                 seen += part.channel.size
             if progress:
-                progress(scan.position, scan.size)
-        types = {channel.topic: scan.type_name(number)
-                 for number, channel in scan.channels.items()}
+                progress(before + scan.position, total)
+        types |= {channel.topic: scan.type_name(number)
+                  for number, channel in scan.channels.items()}
     _refuse_unreadable(path, wanted, types)
     return {topic: _signal(types[topic], pieces[topic], malformed[topic])
             for topic in types if types[topic] in FIELDS and (wanted is None or topic in wanted)}
 
 
-def find_recordings(directory: str | os.PathLike) -> list[Path]:
-    """The MCAP files in a directory, newest first; none if there is no such directory.
+def _scans(path: str | os.PathLike, start: int | None,
+           end: int | None) -> Iterator[tuple[Scan, int, int]]:
+    """A scan of each part that may hold something of the span, the bytes before it and in all.
 
-    The time is that in the file's name, else that of its last change.
+    Of several parts those that are no MCAP files at all are passed over; `describe` tells.
     """
-    directory = Path(directory)
-    if not directory.is_dir():
-        return []
-    files = (path for path in directory.iterdir() if path.suffix == SUFFIX and path.is_file())
-    return sorted(files, key=lambda path: (_time_of(path), path.name), reverse=True)
-
-
-def _time_of(path: Path) -> float:
-    """Seconds since the epoch."""
-    stamps = NAME_STAMP.findall(path.name)
-    try:
-        when = datetime.strptime(stamps[-1], '%Y%m%dT%H%M%S.%fZ')
-        return when.replace(tzinfo=UTC).timestamp()
-    except (IndexError, ValueError):
-        return path.stat().st_mtime
-
-
-def _indexed(scan: Scan) -> tuple[dict[int, int], int | None, int | None] | None:
-    """Messages per channel, first and last log time, as the index says; None if it does not."""
-    if scan.summary is None or not scan.summary.names_all:
-        return None
-    scan.learn_indexed()
-    statistics = scan.summary.statistics
-    if not statistics.message_count:
-        return {}, None, None
-    return (dict(statistics.channel_message_counts), statistics.message_start_time,
-            statistics.message_end_time)
-
-
-def _counted(scan: Scan) -> tuple[dict[int, int], int | None, int | None]:
-    """Messages per channel, first and last log time, by reading through the file."""
-    counts, spans = defaultdict(int), []
-    for block in scan.blocks():
-        for number, count in zip(*np.unique(block.channel, return_counts=True), strict=True):
-            counts[int(number)] += int(count)
-        if block.channel.size:
-            spans += [int(block.log_time.min()), int(block.log_time.max())]
-    return counts, min(spans, default=None), max(spans, default=None)
-
-
-def _topics(scan: Scan, counts: dict[int, int]) -> dict[str, Topic]:
-    topics: dict[str, Topic] = {}
-    for number, channel in scan.channels.items():
-        before = topics.get(channel.topic, Topic(scan.type_name(number), 0))
-        topics[channel.topic] = before._replace(count=before.count + counts.get(number, 0))
-    return topics
+    parts, refusals, before = find_parts(path), [], 0
+    total = sum(size_of(part) for part in parts)
+    for part in parts:
+        try:
+            scan = Scan(part)
+        except RecordingError as error:
+            refusals.append(error)
+        else:
+            with scan:
+                if not (len(parts) > 1 and scan.lies_outside(start, end)):
+                    yield scan, before, total
+        before += size_of(part)
+    if len(refusals) == len(parts):
+        raise refusals[0]
 
 
 def _readable(scan: Scan, wanted: set[str] | None) -> dict[int, Callable]:

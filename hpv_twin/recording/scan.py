@@ -101,6 +101,18 @@ class Scan:
     def __exit__(self, *_: object) -> None:
         self._file.close()
 
+    def lies_outside(self, start: int | None, end: int | None) -> bool:
+        """Whether the index says that no message has `start` <= log time < `end` (ns).
+
+        What such a file names besides is learnt from its index.
+        """
+        if self.summary is None or not self.summary.names_all or (start is None and end is None):
+            return False
+        told = self.summary.statistics
+        return told.message_count > 0 and (
+            (start is not None and told.message_end_time < start)
+            or (end is not None and told.message_start_time >= end))
+
     def type_name(self, channel: int) -> str:
         """The message type of a channel, '' if it has no schema."""
         schema = self.schemas.get(self.channels[channel].schema_id)

@@ -9,6 +9,7 @@ import sys
 import textwrap
 from pathlib import Path
 
+from hpv_twin.designs import HELP, METAVAR, load_design
 from hpv_twin.model import Vibrator, VibratorError
 
 from .rows import ROWS, Row
@@ -17,6 +18,7 @@ EXAMPLES = """\
 examples:
   hpv-twin validate                              the built-in base design: every row passes
   hpv-twin validate --vibrator my_vibrator.yaml  another design against the same results
+  hpv-twin validate --vibrator bags/run.mcap     the design that a recording carries
   hpv-twin validate --json > rows.json           for a script
   hpv-twin validate --plot validation.png        the paper's Figure 6 and its cyclogram
 
@@ -29,12 +31,12 @@ def main(argv: list[str] | None = None) -> int:
         prog='hpv-twin validate', epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         description='Check a design against the results of Obertyukh et al. 2026, row by row.')
-    parser.add_argument('--vibrator', metavar='YAML', help='design; default: the built-in one')
+    parser.add_argument('--vibrator', metavar=METAVAR, help=f'{HELP}; default: the built-in one')
     parser.add_argument('--json', action='store_true', help='print the rows as JSON')
     parser.add_argument('--plot', metavar='PNG', type=Path, help='also draw the waveforms')
     arguments = parser.parse_args(argv)
     try:
-        vibrator = Vibrator.load(arguments.vibrator) if arguments.vibrator else Vibrator()
+        vibrator = load_design(arguments.vibrator)
     except VibratorError as error:
         print(f'hpv-twin validate: {error}', file=sys.stderr)
         return 2

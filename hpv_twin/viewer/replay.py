@@ -6,6 +6,8 @@ import math
 import sys
 from pathlib import Path
 
+from hpv_twin.designs import HELP, METAVAR
+
 ADVICE = "rerun is not installed: pip install 'hpv_twin[viewer]', in an environment with NumPy 2"
 
 DESCRIPTION = """\
@@ -48,7 +50,8 @@ def _parse(argv: list[str] | None) -> argparse.Namespace:
         'hpv-twin replay', description=DESCRIPTION, epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('file', metavar='FILE', nargs='?', type=Path,
-                        help='an MCAP file; without it, the newest in ./bags')
+                        help='an MCAP file, or a folder: of a recording in several parts, or of '
+                             'recordings, then its newest; without it, the newest in ./bags')
     parser.add_argument('--save', metavar='OUT.rrd', type=Path,
                         help='write the scene to a file instead of opening it')
     parser.add_argument('--from', metavar='S', type=_seconds, dest='since',
@@ -57,8 +60,8 @@ def _parse(argv: list[str] | None) -> argparse.Namespace:
                         help='leave out what is after, in seconds from the start')
     parser.add_argument('--ambient', metavar='PA', type=_finite,
                         help='ambient pressure, Pa absolute; without it, as recorded, or 101325')
-    parser.add_argument('--vibrator', metavar='YAML', type=Path,
-                        help='show this design; without it, the one in the recording')
+    parser.add_argument('--vibrator', metavar=METAVAR, type=Path,
+                        help=f'show this design: {HELP}; without it, the one in the recording')
     options = parser.parse_args(argv)
     if options.save and options.save.suffix != '.rrd':
         parser.error(f'--save {options.save}: a name that ends in .rrd is expected')

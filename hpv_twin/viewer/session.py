@@ -10,8 +10,10 @@ from pathlib import Path
 
 import rerun as rr
 
+from hpv_twin.designs import load_design
 from hpv_twin.model.vibrator import Vibrator, VibratorError
-from hpv_twin.recording.reader import RecordingError, find_recordings
+from hpv_twin.recording.parts import find_recordings, resolve
+from hpv_twin.recording.summary import RecordingError
 from hpv_twin.viewer import card, layout, reading, scene, viewer_process
 from hpv_twin.viewer.signals import Replay
 
@@ -21,8 +23,8 @@ Refusal = (RecordingError, VibratorError, viewer_process.ViewerError)
 
 def run(options: argparse.Namespace) -> int:
     """Read the recording, build the scene, then save or show it. Raises OSError or a Refusal."""
-    path = options.file or _newest()
-    vibrator = Vibrator.load(options.vibrator) if options.vibrator else None
+    path = resolve(options.file) if options.file else _newest()
+    vibrator = load_design(options.vibrator) if options.vibrator else None
     if not options.save:
         viewer_process.check_display()
     replay = _load(path, options)

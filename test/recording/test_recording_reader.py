@@ -189,7 +189,7 @@ def test_what_is_no_recording_is_told_in_one_line(tmp_path, content, said):
 def test_a_missing_file_and_a_folder_are_told_in_one_line(tmp_path):
     with pytest.raises(RecordingError, match=r'a\.mcap: No such file or directory'):
         describe(tmp_path / 'a.mcap')
-    with pytest.raises(RecordingError, match='Is a directory'):
+    with pytest.raises(RecordingError, match='there is no recording in this folder'):
         describe(tmp_path)
 
 
