@@ -304,7 +304,8 @@ def kernel_without_store():
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'kernel_without_store.py'
         path.write_text(source)
-        spec = importlib.util.spec_from_file_location(path.stem, path)
+        # By its full name it finds what the kernel imports from beside it.
+        spec = importlib.util.spec_from_file_location(f'hpv_twin.model.{path.stem}', path)
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
         # Compile while numba can still write beside the file.

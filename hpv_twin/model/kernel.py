@@ -6,15 +6,12 @@ One cycle passes through seven *stages*: the rows of the phase table. In a stage
 in the slot's flow; all that changes from stage to stage is a handful of constants. `fill_stages`
 is therefore the one place where the machine is written down, and `flow_balance` with `net_force`
 are the equations.
-
-This is one file on purpose: numba's on-disk cache is keyed on the file of the compiled function
-alone, so that a callee changed in another file would leave stale machine code behind.
 """
 import math
-import warnings
 
-import numba
 import numpy as np
+
+from .compiling import entry, inner
 
 # Stages, and the paper's phase of each.
 CLOSED, LIFT, CATCH_UP, SLOT, OPEN, RETURN_HIGH, RETURN_LOW = range(7)
@@ -29,6 +26,7 @@ AREA, MASS, DISPLACED, S0, S1, FORCE0, KS, FLOW, LOW, HIGH = range(10)
 # Entries of the parameter vector.
 STIFFNESS, PUMP_FLOW, DRAIN, FRICTION, ORIFICE, STROKE, PICK_UP, GAP, SLEEVE_RATIO = range(9)
 SLEEVE_SPRING_FORCE, SLEEVE_SPRING = 9, 10
+PARAMETERS, TABLE = 11, (7, 10)
 # Entries of the state: time, gauge pressure, position, velocity, stage, the number of switches at
 # the instant of the last one and that instant, the extremes since the last row of the log.
 TIME, P, Y, V, STAGE, REPEATS, LAST_SWITCH = range(7)
@@ -55,69 +53,85 @@ VACUUM = -101_325.0  # Pa gauge: the oil cavitates, pressure falls no further
 SWITCHES_AT_ONCE = 4
 NEVER = np.inf
 
-inner = numba.njit(error_model='numpy', _nrt=False)
+# What a design gives to the model, in this order: names of attributes of a Vibrator.
+CONSTANTS = (
+    'plunger_seat_area', 'sleeve_seat_area', 'line_area', 'line_damping_in_force', 'stroke', 'gap',
+    'plunger_mass', 'sleeve_mass', 'slotted_spring_stiffness', 'twisted_spring_stiffness',
+    'twisted_spring_preload', 'cavity_volume', 'bulk_modulus', 'sleeve_seat_diameter', 'density',
+    'flow_coefficient', 'viscous_friction', 'drain_pressure', 'pump_flow', 'preload', 'load')
+(A1, A2, A0, C0, H_B, H_S, M1, M2, K1, K2, Y02, W0, KAPPA, D2, RHO, XI, C1, P_DP, Q_H, Y01,
+ F_T) = range(21)
 
 
-def entry(function):
+def constants(design) -> np.ndarray:
     """
-    Compile a function that Python calls, keeping the machine code on disk.
+    What a design gives to the model, SI, shape (21,); see CONSTANTS.
 
-    Without a writable place for it the model is compiled in memory at each start, and says so.
+    Of many designs at once (`Designs`), whose attributes are arrays: shape (n, 21).
     """
-    try:
-        return numba.njit(cache=True, error_model='numpy', _nrt=False)(function)
-    except RuntimeError:
-        warnings.warn('no writable place for the compiled model: compiling it anew takes some '
-                      'seconds at each start; NUMBA_CACHE_DIR can name one', stacklevel=2)
-        return inner(function)
+    columns = [getattr(design, name) for name in CONSTANTS]
+    return np.stack(np.broadcast_arrays(*columns), axis=-1, dtype=float)
+
+
+@entry
+def fill_parameters(con, par):
+    """Put into `par` the constants of a design that no stage changes; Q_H is a setpoint."""
+    par[STIFFNESS] = con[KAPPA] / con[W0]
+    par[PUMP_FLOW] = con[Q_H]
+    par[DRAIN] = con[P_DP]
+    par[FRICTION] = con[C1]
+    par[ORIFICE] = con[XI] * math.pi * con[D2] * math.sqrt(2.0 / con[RHO])
+    par[STROKE] = con[H_B]
+    par[PICK_UP] = 0.1 * con[H_B]
+    par[GAP] = con[H_S]
+    par[SLEEVE_RATIO] = con[H_S] / (con[H_S] - 0.1 * con[H_B])
+    par[SLEEVE_SPRING] = con[K2]
+    par[SLEEVE_SPRING_FORCE] = con[K2] * con[Y02]
+
+
+@inner
+def fill_row(row, area, mass, displaced, s0, s1, low, high):
+    """Put into a row of the stage table what stands in the phase table."""
+    row[AREA], row[MASS], row[DISPLACED], row[S0], row[S1] = area, mass, displaced, s0, s1
+    row[LOW], row[HIGH] = low, high
+
+
+@entry
+def fill_stages(con, preload, load, table):
+    """Put into `table` the constants of the seven stages with these setpoints in force."""
+    area_1, area_2, mass_1, mass_2 = con[A1], con[A2], con[M1], con[M1] + con[M2]
+    stroke, gap = con[H_B], con[H_S]
+    pick_up, back = 0.1 * stroke, stroke - gap
+    catching_up = area_1 + (area_2 - area_1) * gap / (gap - pick_up)
+    #                            area    mass    displaced    slot S0, S1    valid from and to
+    fill_row(table[CLOSED],      area_1, mass_1, 0.0,         0.0,    0.0,   0.0,     0.0)
+    fill_row(table[LIFT],        area_1, mass_1, area_1,      0.0,    0.0,   0.0,     pick_up)
+    fill_row(table[CATCH_UP],    area_1, mass_1, catching_up, 0.0,    0.0,   pick_up, gap)
+    fill_row(table[SLOT],        area_2, mass_2, area_2,      -gap,   1.0,   -NEVER,  stroke)
+    fill_row(table[OPEN],        area_2, mass_2, 0.0,         stroke, 0.0,   stroke,  stroke)
+    fill_row(table[RETURN_HIGH], area_2, mass_2, area_2,      0.0,    1.0,   back,    stroke)
+    fill_row(table[RETURN_LOW],  area_1, mass_1, area_2,      0.0,    1.0,   0.0,     back)
+    for stage in range(7):
+        area = table[stage, AREA]
+        table[stage, FLOW] = math.sqrt(area / con[A0]) * con[C0] / area
+        table[stage, FORCE0] = -area * con[P_DP] - con[K1] * preload - load
+        table[stage, KS] = con[K1]
+        if stage <= CATCH_UP:
+            table[stage, FORCE0] += con[K2] * con[Y02]
+            table[stage, KS] += con[K2]
 
 
 def parameters(vibrator) -> np.ndarray:
-    """Constants of a design that no stage changes; the pump flow is a setpoint."""
-    vector = np.empty(11)
-    vector[STIFFNESS] = vibrator.bulk_modulus / vibrator.cavity_volume
-    vector[PUMP_FLOW] = vibrator.pump_flow
-    vector[DRAIN] = vibrator.drain_pressure
-    vector[FRICTION] = vibrator.viscous_friction
-    vector[ORIFICE] = (vibrator.flow_coefficient * math.pi * vibrator.sleeve_seat_diameter
-                       * math.sqrt(2.0 / vibrator.density))
-    vector[STROKE] = vibrator.stroke
-    vector[PICK_UP] = 0.1 * vibrator.stroke
-    vector[GAP] = vibrator.gap
-    vector[SLEEVE_RATIO] = vibrator.gap / (vibrator.gap - 0.1 * vibrator.stroke)
-    vector[SLEEVE_SPRING] = vibrator.twisted_spring_stiffness
-    vector[SLEEVE_SPRING_FORCE] = vector[SLEEVE_SPRING] * vibrator.twisted_spring_preload
-    return vector
+    """Constants of a design that no stage changes, as a new vector."""
+    par = np.empty(PARAMETERS)
+    fill_parameters(constants(vibrator), par)
+    return par
 
 
 def stage_table(vibrator, preload: float, load: float) -> np.ndarray:
     """Constants of the seven stages, shape (7, 10), for a design with these setpoints in force."""
-    area_1, area_2 = vibrator.plunger_seat_area, vibrator.sleeve_seat_area
-    stroke, gap = vibrator.stroke, vibrator.gap
-    pick_up = 0.1 * stroke
-    catching_up = area_1 + (area_2 - area_1) * gap / (gap - pick_up)
-    back = stroke - gap
-    mass_1 = vibrator.plunger_mass
-    mass_2 = mass_1 + vibrator.sleeve_mass
-    #        area    mass    displaced    slot S0 and S1   valid from and to      k2 acts
-    rows = ((area_1, mass_1, 0.0,         0.0,    0.0,     0.0,      0.0,         True),
-            (area_1, mass_1, area_1,      0.0,    0.0,     0.0,      pick_up,     True),
-            (area_1, mass_1, catching_up, 0.0,    0.0,     pick_up,  gap,         True),
-            (area_2, mass_2, area_2,      -gap,   1.0,     -NEVER,   stroke,      False),
-            (area_2, mass_2, 0.0,         stroke, 0.0,     stroke,   stroke,      False),
-            (area_2, mass_2, area_2,      0.0,    1.0,     back,     stroke,      False),
-            (area_1, mass_1, area_2,      0.0,    1.0,     0.0,      back,        False))
-    k1, k2 = vibrator.slotted_spring_stiffness, vibrator.twisted_spring_stiffness
-    table = np.zeros((7, 10))
-    for line, (area, mass, displaced, s0, s1, low, high, sleeve_spring) in zip(
-            table, rows, strict=True):
-        line[:] = (area, mass, displaced, s0, s1, 0.0, k1, 0.0, low, high)
-        line[FORCE0] = -area * vibrator.drain_pressure - k1 * preload - load
-        line[FLOW] = (math.sqrt(area / vibrator.line_area)
-                      * vibrator.line_damping_in_force / area)
-        if sleeve_spring:
-            line[FORCE0] += k2 * vibrator.twisted_spring_preload
-            line[KS] += k2
+    table = np.empty(TABLE)
+    fill_stages(constants(vibrator), float(preload), float(load), table)
     return table
 
 
@@ -321,6 +335,9 @@ def write_sample(state, par, samples, k):
 (PUMP_WORK, SLOT_LOSS, DISPLACED_WORK, CLAMP_WORK, PRESSURE_WORK, DASHPOT_WORK, SLEEVE_SPRING_WORK,
  FRICTION_LOSS) = range(8)
 LEDGER_SIZE = 8
+# Beside them, the greatest rates of pressure met, Pa/s: rising, and (a negative one) falling.
+STEEPEST_RISE, STEEPEST_FALL = 8, 9
+ACCOUNT_SIZE = 10
 GAUSS_AT, GAUSS_WEIGHT = (np.polynomial.legendre.leggauss(16)[0] * 0.5 + 0.5,
                           np.polynomial.legendre.leggauss(16)[1] * 0.5)
 
@@ -341,6 +358,13 @@ def add_powers(ledger, duration, p, y, v, root, stage, table, par):
         spring = par[SLEEVE_SPRING_FORCE] - par[SLEEVE_SPRING] * y
         ledger[SLEEVE_SPRING_WORK] += duration * spring * v
     return balance
+
+
+@inner
+def note_rate(ledger, rate):
+    """Let the greatest rates of pressure take in this one, Pa/s."""
+    ledger[STEEPEST_RISE] = max(ledger[STEEPEST_RISE], rate)
+    ledger[STEEPEST_FALL] = min(ledger[STEEPEST_FALL], rate)
 
 
 # The paper's integrator -------------------------------------------------------------------------
@@ -513,6 +537,7 @@ def euler_accounted(state, table, par, step, log, used, ledger):
     duration = state[TIME] - start
     root = math.sqrt(max(p - par[DRAIN], 0.0))
     balance = add_powers(ledger, duration, p, y, v, root, stage, table, par)
+    note_rate(ledger, par[STIFFNESS] * balance)
     missing = VACUUM - (p + duration * par[STIFFNESS] * balance)
     if missing > 0.0:
         ledger[CLAMP_WORK] += p * missing / par[STIFFNESS]
@@ -619,6 +644,7 @@ MODE, ORDER, ABOVE, END, DURATION, TURNS, LEAVES, DIRECTION = range(8)
 TURN_TIME, TURN_P, END_P, END_Y, END_V, RISE, END_SLOPE = range(8, 15)
 ORBIT = 48  # series kept from an opening on; what comes after uses the last place again and again
 WORKSPACE = (ORBIT + 1, 7, ORDER_SLOT + 1)
+RATE_PLACES = 8  # stretches of a series in each of which its rate of pressure turns once at most
 LONGEST = 1.0  # s: a plunger at rest has a series without end
 # How oil leaves: not at all at the vacuum limit, not while below the drain, by the linear or by
 # the root law.
@@ -984,6 +1010,41 @@ def moving_stop(state, c, par, until):
 
 
 @inner
+def slope_of(c, order, at):
+    """First and second derivative of the LEVEL row of a series."""
+    first = second = 0.0
+    for k in range(order, 0, -1):
+        second = second * at + first
+        first = first * at + k * c[LEVEL, k]
+    return first, second
+
+
+@inner
+def note_rates(c, order, start, end, ledger):
+    """Note the rates of pressure from `start` to `end` on a series: there and where they turn."""
+    # By the root law dp/dt = 2*above*dw/ds; else it is the slope of the LEVEL row itself.
+    factor = 2.0 * c[FACTS, ABOVE] if c[FACTS, MODE] == TURBULENT else 1.0
+    low = start
+    slope, bend = slope_of(c, order, low)
+    note_rate(ledger, factor * slope)
+    for k in range(1, RATE_PLACES + 1):
+        high = start + (end - start) * k / RATE_PLACES
+        slope, bend_after = slope_of(c, order, high)
+        if bend * bend_after < 0.0:
+            left, right = low, high
+            for _ in range(50):
+                middle = 0.5 * (left + right)
+                turning_slope, turning_bend = slope_of(c, order, middle)
+                if turning_bend * bend > 0.0:
+                    left = middle
+                else:
+                    right = middle
+            note_rate(ledger, factor * turning_slope)
+        low, bend = high, bend_after
+    note_rate(ledger, factor * slope)
+
+
+@inner
 def account_moving(c, state, table, par, until, ledger):
     """Add the energies of the motion on this series since the last account, up to `until`."""
     stage, order = int(state[STAGE]), int(c[FACTS, ORDER])
@@ -1004,6 +1065,7 @@ def account_moving(c, state, table, par, until, ledger):
                              horner(c[VELOCITY], order, at), root, stage, table, par)
         if mode == AT_VACUUM:
             ledger[CLAMP_WORK] -= duration * p * balance
+    note_rates(c, order, start, start + length, ledger)
     state[ACCOUNTED] = until
 
 
@@ -1013,6 +1075,7 @@ def account_straight(state, rise, until, par, ledger):
     middle = 0.5 * (state[ACCOUNTED] + until) - state[ANCHOR_TIME]
     ledger[PUMP_WORK] += ((until - state[ACCOUNTED]) * par[PUMP_FLOW]
                           * (state[ANCHOR_P] + rise * middle))
+    note_rate(ledger, rise)
     state[ACCOUNTED] = until
 
 
@@ -1022,6 +1085,8 @@ def account_open(state, root, still, pace, until, table, par, ledger):
     since = state[ACCOUNTED] - state[ANCHOR_TIME]
     duration = until - state[ACCOUNTED]
     first = root_after(root, still, since * pace)
+    # From here the flow through the slot only nears the pump's: the first rate is the greatest.
+    note_rate(ledger, 2.0 * pace * (still - first))
     if still == 0.0:
         # The root falls in a straight line, to zero and no further.
         duration = min(duration, first / pace)
@@ -1223,6 +1288,28 @@ def exact_open(state, table, par, until, first, rate, samples, written, log, use
     return written, switch_to(state, RETURN_HIGH, table, par, False, log, used)
 
 
+@inner
+def exact_start(state, table, par, log):
+    """Begin with new setpoints: where they send the state. Returns log rows used, -1: chatter."""
+    state[REPEATS], state[CURSOR], state[STORED] = 0.0, -1.0, 0.0
+    anchor(state)
+    return switch_to(state, next_stage(state, table, par, True), table, par, True, log, 0)
+
+
+@inner
+def exact_step(state, table, par, until, store, first, rate, samples, written, log, used, ledger):
+    """Go on to the next switch, to the end of a series or to `until`, whichever comes first."""
+    stage = int(state[STAGE])
+    if stage == CLOSED:
+        return exact_closed(state, table, par, until, first, rate, samples, written, log, used,
+                            ledger)
+    if stage == OPEN:
+        return exact_open(state, table, par, until, first, rate, samples, written, log, used,
+                          ledger)
+    return exact_moving(state, table, par, until, store, first, rate, samples, written, log, used,
+                        ledger)
+
+
 @entry
 def advance_exact(state, table, par, changed, until, store, first, rate, samples, written, log,
                   ledger):
@@ -1233,24 +1320,14 @@ def advance_exact(state, table, par, changed, until, store, first, rate, samples
     """
     used = 0
     if changed:
-        state[REPEATS], state[CURSOR], state[STORED] = 0.0, -1.0, 0.0
-        anchor(state)
-        used = switch_to(state, next_stage(state, table, par, True), table, par, True, log, used)
+        used = exact_start(state, table, par, log)
         if used < 0:
             return CHATTER, written, 0
     while state[TIME] < until:
         if used > len(log) - 2 * SWITCHES_AT_ONCE:
             return LOG_FULL, written, used
-        stage = int(state[STAGE])
-        if stage == CLOSED:
-            written, used = exact_closed(state, table, par, until, first, rate, samples, written,
-                                         log, used, ledger)
-        elif stage == OPEN:
-            written, used = exact_open(state, table, par, until, first, rate, samples, written,
-                                       log, used, ledger)
-        else:
-            written, used = exact_moving(state, table, par, until, store, first, rate,
-                                         samples, written, log, used, ledger)
+        written, used = exact_step(state, table, par, until, store, first, rate, samples, written,
+                                   log, used, ledger)
         if used < 0:
             return CHATTER, written, 0
     while written < samples.shape[1]:

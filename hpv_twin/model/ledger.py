@@ -68,7 +68,7 @@ class Account:
 
     def __init__(self, simulation):
         self._simulation = simulation
-        self.integrals = np.zeros(kernel.LEDGER_SIZE)
+        self.integrals = np.zeros(kernel.ACCOUNT_SIZE)
         self.reset()
 
     def reset(self) -> None:
@@ -108,7 +108,7 @@ class Account:
         """The ledger at the present instant."""
         simulation, vibrator = self._simulation, self._simulation.vibrator
         names = [field.name for field in dataclasses.fields(EnergyLedger)]
-        integrals = dict(zip(names[:kernel.LEDGER_SIZE], self.integrals.tolist(), strict=True))
+        integrals = dict(zip(names[:kernel.LEDGER_SIZE], self.integrals.tolist(), strict=False))
         mass = vibrator.plunger_mass
         if simulation.stage in BOTH_MASSES:
             mass += vibrator.sleeve_mass

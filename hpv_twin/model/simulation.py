@@ -96,7 +96,9 @@ class Simulation:
         self.method = method
         self.step = step
         self._setpoints = [self.vibrator.pump_flow, self.vibrator.preload, self.vibrator.load]
+        self._constants = kernel.constants(self.vibrator)
         self._parameters = kernel.parameters(self.vibrator)
+        self._table = np.empty(kernel.TABLE)
         self._log = np.empty((LOG_ROWS, kernel.ROW_SIZE))
         if method == 'euler':
             self._integrator = kernel.advance_euler, float(step)
@@ -123,7 +125,7 @@ class Simulation:
     def _apply(self):
         flow, preload, load = self._setpoints
         self._parameters[kernel.PUMP_FLOW] = flow
-        self._table = kernel.stage_table(self.vibrator, preload, load)
+        kernel.fill_stages(self._constants, preload, load, self._table)
         self._design = None
         self._changed = True
 
@@ -214,6 +216,11 @@ class Simulation:
     def sleeve_velocity(self) -> float:
         """dy2/dt, m/s."""
         return float(kernel.sleeve_velocity(self.plunger_velocity, self.stage, self._parameters))
+
+    @property
+    def machine(self):
+        """State, stage table and parameters, as the kernel has them: to be read only."""
+        return self._state, self._table, self._parameters
 
     @property
     def last_switch(self) -> float:

@@ -3,12 +3,12 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
 
+from .derived import Derived
 from .equations import plunger_mass
 from .quantity import VibratorError, check_fields, check_quantity, quantity
 from .slotted_spring import PLUNGER_ALONE, SPRING, SlottedSpring, read_spring
@@ -17,7 +17,7 @@ ATMOSPHERE = 101_325.0  # Pa; a gauge pressure cannot fall below its negative
 
 
 @dataclass(frozen=True)
-class Vibrator:
+class Vibrator(Derived):
     """
     One vibrator with its oil, its pump flow and its load. SI units; all pressures are gauge.
 
@@ -104,51 +104,9 @@ class Vibrator:
         return dataclasses.replace(self, **changes)
 
     @property
-    def plunger_seat_area(self) -> float:
-        """A1, m²: what the pressure acts on before the sleeve is reached."""
-        return math.pi / 4.0 * self.plunger_seat_diameter ** 2
-
-    @property
-    def sleeve_seat_area(self) -> float:
-        """A2, m²: what the pressure acts on once plunger and sleeve move together."""
-        return math.pi / 4.0 * self.sleeve_seat_diameter ** 2
-
-    @property
-    def line_area(self) -> float:
-        """A0 = W0/L0, m²: section of the averaged hydraulic line, (8)."""
-        return self.cavity_volume / self.line_length
-
-    @property
-    def gap(self) -> float:
-        """h_s, m: the plunger takes the sleeve along from here."""
-        return self.gap_ratio * self.stroke
-
-    @property
     def line_damping_in_force(self) -> float:
         """c0, N·s/m: the field, or (19) with the length it lacks in print."""
-        if self.line_damping is not None:
-            return self.line_damping
-        return self.dynamic_viscosity * self.line_area / self.line_length
-
-    @property
-    def return_pressure(self) -> float:
-        """p2, Pa gauge: balance at full stroke, (3) corrected; the return stroke starts here."""
-        spring = self.slotted_spring_stiffness * (self.preload + self.stroke)
-        return self.drain_pressure + (spring + self.load) / self.sleeve_seat_area
-
-    @property
-    def opening_pressure(self) -> float:
-        """p1, Pa gauge: balance on the seat, (1) with the twisted spring's help."""
-        spring = (self.slotted_spring_stiffness * self.preload
-                  - self.twisted_spring_stiffness * self.twisted_spring_preload)
-        return self.drain_pressure + (spring + self.load) / self.plunger_seat_area
-
-    @property
-    def critical_flow(self) -> float:
-        """Q_crit, m³/s: at this pump flow and above, the open valve never empties the cavity."""
-        drop = max(self.return_pressure - self.drain_pressure, 0.0)
-        slot = self.flow_coefficient * math.pi * self.sleeve_seat_diameter * self.stroke
-        return slot * math.sqrt(2.0 * drop / self.density)
+        return self.line_damping_by_geometry if self.line_damping is None else self.line_damping
 
     @classmethod
     def from_spring_geometry(cls, spring: SlottedSpring, plunger_mass_without_spring: float,

@@ -28,12 +28,12 @@ SOURCE = Path(kernel.__file__).read_text()
 
 # Method that a mutant is run with, function, what stands there, what is put in its place.
 MUTANTS = [line.split(' | ') for line in """\
-default | stage_table | - k1 * preload - load | - k1 * preload + load
-default | stage_table | - k1 * preload - load | + k1 * preload - load
-default | stage_table | = -area * vibrator.drain_pressure | = area * vibrator.drain_pressure
-default | stage_table | += k2 * vibrator.twisted | -= k2 * vibrator.twisted
-default | stage_table | line[KS] += k2 | line[KS] -= k2
-default | stage_table | -gap,   1.0 | gap,   1.0
+default | fill_stages | - con[K1] * preload - load | - con[K1] * preload + load
+default | fill_stages | - con[K1] * preload - load | + con[K1] * preload - load
+default | fill_stages | = -area * con[P_DP] | = area * con[P_DP]
+default | fill_stages | += con[K2] * con[Y02] | -= con[K2] * con[Y02]
+default | fill_stages | [stage, KS] += con[K2] | [stage, KS] -= con[K2]
+default | fill_stages | -gap,   1.0 | gap,   1.0
 euler | flow_balance | - displaced * v | + displaced * v
 euler | flow_balance | balance -= orifice | balance += orifice
 euler | flow_balance | pump_flow - | -pump_flow -
@@ -89,6 +89,7 @@ def plain_kernel(function='', old='', new=''):
         text = text.replace(body, body.replace(old, new))
     text = re.sub(r'(?m)^@(inner|entry)\n', '', text)
     module = types.ModuleType('plain_kernel')
+    module.__package__ = 'hpv_twin.model'
     exec(compile(text, 'plain_kernel', 'exec'), module.__dict__)
     return module
 

@@ -81,6 +81,22 @@ def test_a_changed_callee_is_seen_in_spite_of_the_cache(copied):
 
 
 @pytest.mark.compiled
+def test_a_changed_file_is_seen_by_compiled_code_in_another(copied):
+    code = ('from hpv_twin.model import Simulation, find_cycles; s = Simulation(method="euler"); '
+            'print(repr(find_cycles(s.advance(0.06)).forward[-1]))')
+    cache = {'NUMBA_CACHE_DIR': str(copied / 'cache')}
+    before = run_copy(copied, cache, code).stdout
+    assert run_copy(copied, cache, code).stdout == before
+    source = copied / 'hpv_twin' / 'model' / 'kernel.py'
+    text = source.read_text()
+    changed = text.replace('np.array([0, 1, 1, 1, 2, 3, 3]', 'np.array([0, 1, 1, 2, 2, 3, 3]')
+    assert changed != text
+    source.write_text(changed)
+    # What counts the times of a cycle stands in kernel_cycles.py.
+    assert run_copy(copied, cache, code).stdout != before
+
+
+@pytest.mark.compiled
 def test_without_a_writable_place_it_compiles_in_memory_and_says_so(copied):
     (copied / 'hpv_twin' / 'model' / '__pycache__').write_text('in the way')
     nowhere = {'HOME': '/proc/1/none', 'XDG_CACHE_HOME': '/proc/1/none',
