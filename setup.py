@@ -37,7 +37,14 @@ setup(
             f'ros-jazzy-common-interfaces; {ROS_WHEELS}',
         ],
         'viewer': ['rerun-sdk==0.41.*'],
-        'study': ['matplotlib>=3.8'],
+        # dask is what joblib hands studies to when one machine is too small.
+        'study': [
+            'dask[distributed]>=2024.1',
+            'joblib>=1.4,<2',
+            'matplotlib>=3.8',
+            'pymoo>=0.6.1,<0.7',
+            'tqdm>=4.60,<5',
+        ],
         'test': [
             'colcon-common-extensions',
             'hypothesis',

@@ -29,6 +29,7 @@ COMMANDS = {
     'replay': Command('hpv_twin.viewer.replay', 'open a recording in rerun'),
     'recover': Command('hpv_twin.recording.recover', 'make a damaged recording readable'),
     'validate': Command('hpv_twin.study.validate', "check a design against the paper's results"),
+    'sweep': Command('hpv_twin.study.sweep', 'map what a machine does over flow and preload'),
 }
 
 EXAMPLES = f"""\
@@ -40,6 +41,7 @@ examples:
   {PROG} replay                                    look at the newest recording
   {PROG} recover damaged.mcap -o whole.mcap
   {PROG} validate --plot validation.png            the model against the paper
+  {PROG} sweep --want-frequency 80 --plot map.png  the operating map; settings that give 80 Hz
 
 `{PROG} NAME --help` tells the rest. With ROS 2, `ros2 run hpv_twin NAME …` is the same."""
 
@@ -48,6 +50,7 @@ ROS_ADVICE = (
     "elsewhere (x86-64 Linux): pip install 'hpv_twin[ros]'"
 )
 VIEWER_ADVICE = "pip install 'hpv_twin[viewer]', in an environment with NumPy 2"
+STUDY_ADVICE = "pip install 'hpv_twin[study]'"
 
 # What may rightly be missing, by the name it is imported under.
 OPTIONAL = {
@@ -60,7 +63,8 @@ OPTIONAL = {
     'std_msgs': ROS_ADVICE,
     'std_srvs': ROS_ADVICE,
     'rerun': VIEWER_ADVICE,
-    'matplotlib': "pip install 'hpv_twin[study]'",
+    **dict.fromkeys(('dask', 'distributed', 'joblib', 'matplotlib', 'pymoo', 'tqdm'), STUDY_ADVICE),
+    'pyarrow': 'pip install pyarrow',
     # colcon installs no dependencies, so these are missed too.
     'mcap': 'pip install mcap',
     'numba': 'pip install numba',

@@ -1,0 +1,136 @@
+"""The file of a study: a CSV that is written as the work goes on, and can be gone on with."""
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+
+MARK = '# hpv_twin '
+TEXT = ('regime',)  # columns that are no numbers
+
+
+class StudyFileError(ValueError):
+    """A results file that cannot be used: the message names it and says what to do."""
+
+
+class Results:
+    """
+    Rows of figures on disk, appended in order.
+
+    Line 1 says, after a `#`, which study this is (JSON), line 2 names the columns. A file of the
+    same study is gone on with where it ends; of another study it is refused. A name that ends with
+    .parquet is written as Parquet once all rows are there; until then they are in NAME.part.
+    """
+
+    def __init__(self, path: Path, study: dict, columns: list[str]):
+        self.path = Path(path)
+        self.columns = columns
+        self.is_parquet = self.path.suffix == '.parquet'
+        if self.is_parquet:
+            # Missing now, not when the work is done.
+            import pyarrow.parquet  # noqa: F401
+        self._working = self.path.with_name(f'{self.path.name}.part') if self.is_parquet \
+            else self.path
+        self._header = f'{MARK}{json.dumps(study, ensure_ascii=False)}\n'
+        self._complete = self.is_parquet and self.path.exists()
+        try:
+            if self._complete:
+                self._hold_against(self._parquet_header(), self.path)
+            elif self._working.exists() and self._working.stat().st_size:
+                self._hold_against(first_line(self._working), self._working)
+                self.rows = whole_rows(self._working)
+            else:
+                self.rows = 0
+                self._working.write_text(f'{self._header}{",".join(columns)}\n', encoding='utf-8')
+        except OSError as error:
+            raise StudyFileError(f'{error.filename}: {error.strerror}') from None
+
+    def _hold_against(self, header, path):
+        if header != self._header:
+            raise StudyFileError(f'{path} holds {difference(header, self._header)}. Nothing was '
+                                 'written: name another file with -o, or remove it')
+
+    def append(self, block: dict) -> None:
+        """Write one more block of rows, and have it on disk."""
+        text = io.StringIO()
+        write = csv.writer(text, lineterminator='\n')
+        columns = [block[name].tolist() for name in self.columns]
+        write.writerows(zip(*columns, strict=True))
+        with open(self._working, 'a', encoding='utf-8', newline='') as file:
+            file.write(text.getvalue())
+        self.rows += len(columns[0])
+
+    def finish(self) -> dict:
+        """Return all columns of the complete file; Parquet is written now."""
+        if self._complete:
+            import pyarrow.parquet
+            table = pyarrow.parquet.read_table(self.path)
+            return {name: table[name].to_numpy(zero_copy_only=False) for name in self.columns}
+        columns = read_columns(self._working)
+        if self.is_parquet:
+            import pyarrow
+            import pyarrow.parquet
+            table = pyarrow.table(columns).replace_schema_metadata({'hpv_twin': self._header})
+            pyarrow.parquet.write_table(table, self.path)
+            os.unlink(self._working)
+        return columns
+
+    def _parquet_header(self):
+        import pyarrow.parquet
+        try:
+            metadata = pyarrow.parquet.read_schema(self.path).metadata or {}
+        except (OSError, pyarrow.ArrowInvalid):
+            return 'no Parquet'
+        self.rows = pyarrow.parquet.read_metadata(self.path).num_rows
+        return metadata.get(b'hpv_twin', b'').decode()
+
+
+def difference(there: str, here: str) -> str:
+    """Say in what two studies differ, by their headers."""
+    if not there.startswith(MARK):
+        return 'no study'
+    try:
+        there, here = (json.loads(header[len(MARK):]) for header in (there, here))
+    except ValueError:
+        return 'no study'
+    there, here = ({**study, **study.get('design', {}), 'design': None} for study in (there, here))
+    names = [name for name in {**there, **here} if there.get(name) != here.get(name)]
+    return 'another study: there ' + ', '.join(
+        f'{name} is {there.get(name)}, here {here.get(name)}' for name in names)
+
+
+def first_line(path) -> str:
+    """Return the first line of a file, or something that no study has."""
+    try:
+        with open(path, encoding='utf-8', newline='') as file:
+            return file.readline()
+    except UnicodeDecodeError:
+        return 'no text'
+
+
+def whole_rows(path) -> int:
+    """Count the rows of a results file; what a killed process left of one is cut off."""
+    lines = end = 0
+    with open(path, 'rb+') as file:
+        for line in file:
+            if line.endswith(b'\n'):
+                lines, end = lines + 1, end + len(line)
+        file.truncate(end)
+    if lines < 2:
+        raise StudyFileError(f'{path} has no line with the names of its columns: remove it')
+    return lines - 2
+
+
+def read_columns(path) -> dict[str, np.ndarray]:
+    """Read the columns of a results file: numbers as floats, regimes as text."""
+    with open(path, encoding='utf-8', newline='') as file:
+        file.readline()
+        rows = csv.reader(file)
+        names = next(rows)
+        columns = list(zip(*rows, strict=True)) or [()] * len(names)
+    return {name: np.array(values) if name in TEXT else np.array(values, dtype=float)
+            for name, values in zip(names, columns, strict=True)}
