@@ -76,7 +76,7 @@ lock: $(VENV)/bin/pip ## write requirements/*.txt anew, with today's versions
 	$(py) -m uv pip compile --quiet --universal --python-version 3.11 --all-extras --upgrade \
 	  --custom-compile-command 'make lock' --output-file requirements/pip.txt setup.py
 	$(py) -m uv pip compile --quiet --python-version 3.12 --python-platform linux --upgrade \
-	  --extra ros --extra study --extra test --constraints requirements/noble.in \
+	  --extra ros --extra study --extra parquet --extra test --constraints requirements/noble.in \
 	  --custom-compile-command 'make lock' --output-file requirements/noble.txt setup.py
 
 clean: ## remove what was built and installed here; recordings stay

@@ -45,6 +45,7 @@ setup(
             'pymoo>=0.6.1,<0.7',
             'tqdm>=4.60,<5',
         ],
+        'parquet': ['pyarrow>=14'],
         'test': [
             'colcon-common-extensions',
             'hypothesis',

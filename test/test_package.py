@@ -166,7 +166,8 @@ ROSDEP_KEYS = {
     'mcap': 'mcap-ros2-support', 'numba': 'python3-numba', 'numpy': 'python3-numpy',
     'pyyaml': 'python3-yaml', 'scipy': 'python3-scipy', 'zstandard': 'mcap-ros2-support',
 }
-IMPORTED_AS = {'yaml': 'pyyaml', 'rerun': 'rerun-sdk', 'rerun_cli': 'rerun-sdk'}
+IMPORTED_AS = {'yaml': 'pyyaml', 'rerun': 'rerun-sdk', 'rerun_cli': 'rerun-sdk',
+               'distributed': 'dask'}
 
 
 def test_rosdep_keys_follow_the_requirements(metadata, manifest):
