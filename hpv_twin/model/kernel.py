@@ -449,15 +449,17 @@ def euler_moving(state, row, par, step, count):
 
 
 @inner
-def settle_force(state, stage, table, par, sign):
+def settle_force(state, stage, table, par, way):
     """
-    Nudge the pressure by rounding errors until the net force of the stage just left has `sign`.
+    Nudge the pressure on its `way` by rounding errors until the net force frees the plunger.
 
     The force is zero where this switch is located; were it a hair on the wrong side, the plunger
-    would be found to move back through the seat or the stop that it is leaving.
+    would be found to move back through the seat or the stop that it is leaving. `way` is the sign
+    of dp/dt: with a strong dashpot a plunger leaves its stop on a rising pressure too.
     """
+    sign = 1.0 if stage == CLOSED else -1.0
     hair = 1e-14 * abs(table[stage, FORCE0])
-    nudge = sign * max(hair / table[stage, AREA], 2.3e-16 * abs(state[P]))
+    nudge = way * max(hair / table[stage, AREA], 2.3e-16 * abs(state[P]))
     for _ in range(100):
         state[P] += nudge
         if sign * force_at(state[P], state[Y], 0.0, stage, table, par) >= 0.0:
@@ -487,7 +489,7 @@ def euler_standing(state, table, par, step, count, log, used):
     if done == count:
         extend_extremes(state)
         return used, float(count)
-    settle_force(state, stage, table, par, 1.0 if stage == CLOSED else -1.0)
+    settle_force(state, stage, table, par, 1.0 if after > p else -1.0)
     after_stage = LIFT if stage == CLOSED else RETURN_HIGH
     return switch_to(state, after_stage, table, par, False, log, used), done + share
 
@@ -1284,7 +1286,7 @@ def exact_open(state, table, par, until, first, rate, samples, written, log, use
         extend_extremes(state)
         return written, used
     state[P], state[TIME] = target * target + par[DRAIN], end
-    settle_force(state, OPEN, table, par, -1.0)
+    settle_force(state, OPEN, table, par, 1.0 if target > root else -1.0)
     return written, switch_to(state, RETURN_HIGH, table, par, False, log, used)
 
 

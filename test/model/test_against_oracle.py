@@ -167,7 +167,7 @@ CORNERS = {
     'seat rebound': (BASE.replace(preload=1e-4, pump_flow=2e-3), 0.05, ()),
     'partial stroke': (BASE.replace(preload=0.0, pump_flow=3e-4), 0.05, ()),
     'held open': (BASE.replace(pump_flow=1.1 * BASE.critical_flow), 0.02, ()),
-    'flow cut while open': (EVERY_TERM, 0.05, [(0.0125, {'pump_flow': 0.0})]),
+    'flow cut while open': (EVERY_TERM, 0.05, [(0.00966, {'pump_flow': 0.0})]),
     'pull': (BASE.replace(load=-1500.0), 0.05, ()),
     'pull into vacuum': (BASE.replace(load=-2000.0, pump_flow=1e-4), 0.02, ()),
     'pull into vacuum and back': (
@@ -177,6 +177,9 @@ CORNERS = {
         BASE.replace(load=-1500.0, pump_flow=1e-5, line_damping=3.0), 0.02, ()),
     'open below the drain': (
         BASE.replace(load=-3500.0, drain_pressure=2e6, pump_flow=3e-4), 0.02, ()),
+    'left open on a rising pressure': (
+        BASE.replace(load=-3500.0, drain_pressure=2e6, pump_flow=3e-4, line_damping=300.0), 0.01,
+        [(0.0062, {'load': -1790.0})]),
     'drain at vacuum': (BASE.replace(drain_pressure=-101_325.0), 0.05, ()),
     'dashpot that rules': (BASE.replace(line_damping=300.0), 0.05, ()),
     'friction that rules': (BASE.replace(viscous_friction=2e4), 0.05, ()),
@@ -196,6 +199,10 @@ def test_corners(name):
         assert record.totals['added_volume'] > 0.0
     if name == 'open below the drain':
         assert np.any((trace.phase == OPEN) & (pressure < 2e6))
+    if name == 'flow cut while open':
+        switches = phase_switches(trace)
+        opened = np.flatnonzero(switches['after'] == OPEN)[0]
+        assert switches['time'][opened] < 0.00966 < switches['time'][opened + 1]
 
 
 def test_corners_are_what_they_are_called():

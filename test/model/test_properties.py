@@ -160,11 +160,16 @@ def test_same_inputs_same_bits(design, sequence, method):
 
 
 def slot_flow(design, pressure, position, phase):
-    """(26), (27) with the pressure of the moment, m³/s."""
+    """
+    (26), (27) with the pressure of the moment, m³/s.
+
+    The default integrator takes it linear in the pressure up to 1 Pa above the drain.
+    """
     slot = np.choose(phase, [0.0 * position, position - design.gap_ratio * design.stroke,
                              0.0 * position + design.stroke, position])
     drop = np.clip(pressure - design.drain_pressure, 0.0, None)
     area = math.pi * design.sleeve_seat_diameter * np.clip(slot, 0.0, None)
+    drop = np.where(drop < 1.0, drop * drop, drop)
     return design.flow_coefficient * area * np.sqrt(2.0 * drop / design.density)
 
 
@@ -195,10 +200,10 @@ def pumped(design, sequence, time):
                for flow, start, end in zip(flows, instants, ends, strict=True))
 
 
-@pytest.mark.long
 @examples(40)
 def test_oil_is_conserved_but_for_what_the_vacuum_adds(design, sequence, method):
-    trace = simulate(design, DURATION, sequence, sample_rate=1e6)
+    # Where the slot's flow begins as a root does, trapezoids need samples as close as these.
+    trace = simulate(design, DURATION, sequence, sample_rate=4e6)
     seat, sleeve = design.plunger_seat_area, design.sleeve_seat_area
     displaced = seat * trace.plunger_position + (sleeve - seat) * trace.sleeve_position
     compressed = design.cavity_volume / design.bulk_modulus * trace.pressure
