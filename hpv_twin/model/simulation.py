@@ -22,6 +22,9 @@ SWITCH = np.dtype([
 LOG_ROWS = 1024
 RECENT = 40  # rows of the log that tell the regime: some four cycles
 METHODS = ('default', 'euler')
+SETPOINTS = ('pump_flow', 'preload', 'load')
+# They say where the plunger can be: changed under a moving plunger they would strand it.
+PLACES = ('stroke', 'gap_ratio')
 
 
 class ModelError(RuntimeError):
@@ -82,8 +85,9 @@ class Simulation:
 
     `method` is 'default', or 'euler' (the paper's, with fixed `step` in s). The setpoints
     `pump_flow` (Q_H, m³/s), `preload` (y01, m) and `load` (F_T, N, signed) can be set at any
-    time and act from the present instant on. Equal inputs give bit-identical results, however
-    `advance` is sliced. With `ledger`, `energy` tells where the pump's work went; that is slower.
+    time and act from the present instant on; `redesign` changes the vibrator itself. Equal inputs
+    give bit-identical results, however `advance` is sliced. With `ledger`, `energy` tells where the
+    pump's work went; that is slower.
     """
 
     def __init__(self, vibrator: Vibrator | None = None, method: str = 'default',
@@ -176,6 +180,35 @@ class Simulation:
             self._design = self.vibrator.replace(pump_flow=self.pump_flow, preload=self.preload,
                                                  load=self.load)
         return self._design
+
+    def redesign(self, **changes) -> None:
+        """
+        Change fields of the vibrator from the present instant on; setpoints in force stay.
+
+        Pressure, position and velocity are continuous. `stroke` and `gap_ratio` can change only
+        while the plunger is on its seat. Raises VibratorError for a design that cannot be,
+        ValueError for a setpoint among the changes, for a plunger off its seat, and with
+        `ledger=True`, which has no term for energy that a change of stiffness puts in; nothing is
+        changed then.
+        """
+        for name in changes:
+            if name in SETPOINTS:
+                raise ValueError(f'{name} is a setpoint: set simulation.{name}')
+        vibrator = self.vibrator.replace(**changes)
+        if vibrator == self.vibrator:
+            return
+        if self._account is not None:
+            raise ValueError('the energy ledger has no term for a change of the design: '
+                             'Simulation(..., ledger=False) can be redesigned')
+        for name in PLACES:
+            if self.stage != kernel.CLOSED and (
+                    getattr(vibrator, name) != getattr(self.vibrator, name)):
+                raise ValueError(f'{name} cannot change while the plunger is off its seat '
+                                 f'(y = {self.plunger_position:g} m)')
+        self.vibrator = vibrator
+        self._constants = kernel.constants(vibrator)
+        self._parameters = kernel.parameters(vibrator)
+        self._apply()
 
     @property
     def time(self) -> float:

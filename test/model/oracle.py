@@ -66,20 +66,24 @@ class Oracle:
     """One vibrator from rest; run() may be called again and goes on from where it was."""
 
     def __init__(self, vibrator):
-        self.design = v = vibrator
-        self.stages = stages(v)
+        v = vibrator
         self.pump_flow, self.preload, self.load = v.pump_flow, v.preload, v.load
-        self.line_area = v.cavity_volume / v.line_length
-        self.stiffness = v.bulk_modulus / v.cavity_volume
-        self.damping = v.line_damping
-        if self.damping is None:
-            self.damping = v.dynamic_viscosity * self.line_area / v.line_length
+        self._take(v)
         self.name = 'closed'
         self.time, self.state = 0.0, np.zeros(3 + len(VOLUMES) + len(ENERGIES))
         self.sizes = np.array([1e7, v.stroke, 1.0] + [1e-5] * len(VOLUMES) + [1e2] * len(ENERGIES))
         self.jumps = dict.fromkeys(JUMPS, 0.0)
         self._at_once, self._refilling, self._return_pressure = 0, False, math.inf
         self._record = Record(v)
+
+    def _take(self, v):
+        """Let the machine be this one from now on."""
+        self.design, self.stages = v, stages(v)
+        self.line_area = v.cavity_volume / v.line_length
+        self.stiffness = v.bulk_modulus / v.cavity_volume
+        self.damping = v.line_damping
+        if self.damping is None:
+            self.damping = v.dynamic_viscosity * self.line_area / v.line_length
 
     @property
     def stage(self) -> Stage:
@@ -288,13 +292,16 @@ class Oracle:
         self.name = name
 
     def set(self, **setpoints):
-        """Change `pump_flow`, `preload` or `load` now."""
+        """Change `pump_flow`, `preload`, `load` or fields of the design now."""
         k1, y = self.design.slotted_spring_stiffness, self.state[1]
         preload, load = (setpoints.get(name, getattr(self, name)) for name in ('preload', 'load'))
         self.jumps['setpoint_work'] += (
             k1 / 2 * ((y + preload) ** 2 - (y + self.preload) ** 2) + (load - self.load) * y)
         self.preload, self.load = preload, load
         self.pump_flow = setpoints.get('pump_flow', self.pump_flow)
+        fields = {name: value for name, value in setpoints.items()
+                  if name not in ('pump_flow', 'preload', 'load')}
+        self._take(self.design.replace(**fields))
 
     def run(self, duration, changes=(), sample_rate=None) -> Record:
         """

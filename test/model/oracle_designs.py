@@ -57,8 +57,10 @@ def simulate(design, duration, changes=(), sample_rate=1000.0, **how) -> Trace:
     traces = []
     for instant, setpoints in [*changes, (duration, {})]:
         traces.append(simulation.advance(instant - simulation.time, sample_rate))
-        for name, value in setpoints.items():
-            setattr(simulation, name, value)
+        fields = dict(setpoints)
+        for name in {'pump_flow', 'preload', 'load'} & fields.keys():
+            setattr(simulation, name, fields.pop(name))
+        simulation.redesign(**fields)
     return Trace.join(traces)
 
 

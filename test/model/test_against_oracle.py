@@ -155,6 +155,23 @@ def test_setpoints_that_keep_changing():
     assert_same(EVERY_TERM, 0.1, changes)
 
 
+# The design itself --------------------------------------------------------------------------------
+
+REDESIGNS = [{'bulk_modulus': 0.9e9}, {'flow_coefficient': 0.5}, {'viscous_friction': 900.0},
+             {'drain_pressure': 1.5e6}, {'slotted_spring_stiffness': 3.1e5, 'preload': 4e-3},
+             {'sleeve_seat_diameter': 0.026, 'plunger_seat_diameter': 0.0115, 'sleeve_mass': 0.3,
+              'cavity_volume': 1e-3, 'line_damping': 0.0, 'twisted_spring_preload': 0.0}]
+
+
+@pytest.mark.parametrize('fields', REDESIGNS, ids=str)
+@pytest.mark.parametrize('stage', STAGES)
+def test_the_design_changes_in_the_middle_of_every_stage(stage, fields, instants):
+    instant = instants[stage]
+    trace, _ = assert_same(EVERY_TERM, instant + 0.03, [(instant, fields)])
+    untouched = simulate(EVERY_TERM, instant + 0.03)
+    assert not np.array_equal(trace.pressure, untouched.pressure)
+
+
 # Other regimes and corners ------------------------------------------------------------------------
 
 

@@ -156,6 +156,65 @@ def test_impossible_calls_are_refused():
         Simulation().advance(1.0, sample_rate=0)
 
 
+FIELDS = {'bulk_modulus': 1.0e9, 'flow_coefficient': 0.5, 'viscous_friction': 400.0,
+          'drain_pressure': 3e5, 'slotted_spring_stiffness': 2.2e5}
+
+
+@pytest.mark.parametrize('method', ['default', 'euler'])
+def test_redesigned_at_rest_it_is_a_fresh_simulation_to_the_last_bit(method):
+    fields = {**FIELDS, 'stroke': 1.8e-3, 'gap_ratio': 0.3}
+    changed, fresh = Simulation(method=method), Simulation(Vibrator(**fields), method=method)
+    changed.redesign(**fields)
+    one, other = changed.advance(0.1), fresh.advance(0.1)
+    assert np.array_equal(one.pressure, other.pressure)
+    assert one.switches.tobytes() == other.switches.tobytes()
+    assert one.vibrator == other.vibrator == Vibrator(**fields)
+
+
+def test_a_redesign_keeps_state_and_setpoints_and_ends_as_the_new_design_does():
+    simulation, fresh = Simulation(), Simulation(Vibrator(**FIELDS, pump_flow=6e-4))
+    simulation.pump_flow = 6e-4
+    simulation.advance(0.05)
+    state = simulation.pressure, simulation.plunger_position, simulation.plunger_velocity
+    simulation.redesign(**FIELDS)
+    assert state == (simulation.pressure, simulation.plunger_position,
+                     simulation.plunger_velocity)
+    assert simulation.pump_flow == 6e-4
+    settled, other = find_cycles(simulation.advance(0.3)), find_cycles(fresh.advance(0.3))
+    assert settled.period[-1] == pytest.approx(other.period[-1], rel=1e-12)
+    simulation.reset()
+    assert np.array_equal(simulation.advance(0.1).pressure, Simulation(
+        Vibrator(**FIELDS, pump_flow=6e-4)).advance(0.1).pressure)
+
+
+@pytest.mark.parametrize('method', ['default', 'euler'])
+def test_slices_after_a_redesign_are_one_run(method):
+    def run(slices):
+        simulation = Simulation(method=method)
+        simulation.advance(0.0513)
+        simulation.redesign(**FIELDS)
+        return Trace.join([simulation.advance(0.1 / slices) for _ in range(slices)])
+    one, other = run(1), run(1000)
+    assert np.allclose(one.pressure, other.pressure, rtol=1e-9, atol=1e-3)
+    assert len(one.switches) == len(other.switches) > 30
+    assert np.allclose(one.switches['time'], other.switches['time'], rtol=0, atol=1e-9)
+
+
+def test_a_redesign_that_cannot_be_is_refused_with_its_reason_and_changes_nothing():
+    simulation = Simulation()
+    simulation.advance(0.0185)
+    assert simulation.phase != kernel.PHASE_CLOSED
+    for fields, reason in (({'stroke': 1e-3}, 'stroke cannot change while'),
+                           ({'gap_ratio': 0.3, 'bulk_modulus': 1e9}, 'gap_ratio cannot change'),
+                           ({'bulk_modulus': -1.0}, 'bulk_modulus .kappa. = -1 Pa must be above'),
+                           ({'preload': 1e-3}, 'preload is a setpoint')):
+        with pytest.raises(ValueError, match=reason):
+            simulation.redesign(**fields)
+    assert simulation.design == Vibrator()
+    with pytest.raises(ValueError, match='ledger'):
+        Simulation(ledger=True).redesign(bulk_modulus=1e9)
+
+
 def test_chatter_is_an_error_that_names_the_state():
     # The kernel's guard itself: five phase switches forced at one instant.
     simulation = Simulation()
