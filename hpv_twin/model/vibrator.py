@@ -6,8 +6,7 @@ import difflib
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-
+from . import yaml_text
 from .derived import Derived
 from .equations import plunger_mass
 from .quantity import VibratorError, check_fields, check_quantity, quantity
@@ -186,14 +185,9 @@ def yaml_number(value) -> str:
 def read_mapping(text: str) -> dict:
     """Parse YAML text into keyword arguments of Vibrator; unknown keys get the nearest name."""
     try:
-        data = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        mark = getattr(error, 'problem_mark', None)
-        where = f'line {mark.line + 1}, column {mark.column + 1}: ' if mark else ''
-        problem = getattr(error, 'problem', None) or getattr(error, 'reason', None) or 'unreadable'
-        raise VibratorError(f'not YAML: {where}{problem}') from None
-    except (ValueError, RecursionError, OverflowError) as error:
-        raise VibratorError(f'not YAML: {error}') from None
+        data = yaml_text.parse(text)
+    except yaml_text.YamlError as error:
+        raise VibratorError(str(error)) from None
     if data is None:
         raise VibratorError('empty: expected "field: value" lines')
     if not isinstance(data, dict):

@@ -118,8 +118,12 @@ class Health:
         refused = sum(inputs.refused.values())
         recent, self._refused_before = refused - self._refused_before, refused
         values['refused'] = refused
+        if inputs.namesakes:
+            values['other nodes of this name'] = inputs.namesakes
         if recent:
             return WARN, f'{recent} setpoints refused in the last second', values
+        if inputs.namesakes:
+            return WARN, f'another node is called {self._name} too', values
         return OK, 'listening', values
 
     def _recording(self):

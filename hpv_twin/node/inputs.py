@@ -31,6 +31,7 @@ class Inputs:
         self.refused: Counter = Counter()
         self.last_accepted: dict[str, float] = {}
         self.strangers: Counter = Counter()
+        self.namesakes = 0
 
     def check(self, name: str, value: float, limits: Limits, in_force: float) -> bool:
         """Whether the setpoint may be obeyed; a refusal is counted, and warned of in words."""
@@ -58,6 +59,13 @@ class Inputs:
         if self.strangers[name, what] == 1:
             self._warn(f'somebody publishes {name} with an incompatible {what}: it cannot be '
                        'heard; std_msgs/msg/Float64, reliable, is expected')
+
+    def namesake(self, name: str, count: int) -> None:
+        """Note how many other nodes bear this twin's name now, and warn of a new one."""
+        if count > self.namesakes:
+            self._warn(f'another node is called {name} too: both hear the same setpoints and '
+                       'answer the same services; give one a namespace (-r __ns:=/left)')
+        self.namesakes = count
 
     def age(self, name: str) -> float | None:
         """Seconds since a setpoint was last accepted; None if never."""

@@ -10,6 +10,7 @@ from pathlib import Path
 from builtin_interfaces.msg import Time
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
@@ -26,6 +27,7 @@ from .inputs import Inputs, Limits
 from .interface import CLOCK, NODE_NAME, OUTPUTS, PARAMETERS, SETPOINTS
 from .loop import Loop
 from .pacing import SECOND
+from .params_files import ParameterError
 from .plant import Plant
 from .records import make_recorder
 from .units import both
@@ -35,16 +37,14 @@ COMPILING = 'compiling the model; this happens once and takes about ten seconds'
 FOREIGN_PARAMETERS = ('use_sim_time', 'start_type_description_service')
 
 
-class ParameterError(ValueError):
-    """A parameter that cannot be used; the message names it, its value and its bound."""
-
-
 class TwinNode(Node):
     """The twin. `start()` lets model time run; `close()` ends the loop and the recording."""
 
-    def __init__(self):
+    def __init__(self, origins: dict[str, str] | None = None):
+        """Build the node; `origins` names the files that parameters come from, for complaints."""
         super().__init__(NODE_NAME, automatically_declare_parameters_from_overrides=True)
         self.before_speaking = lambda: None
+        self._origins = origins or {}
         self.settings = self._declare()
         vibrator = self._design()
         self.inputs = Inputs(lambda text: self.say('warning', text))
@@ -91,10 +91,18 @@ class TwinNode(Node):
         for name, parameter in PARAMETERS.items():
             value = given.get(name, parameter.default)
             if value is not None:
-                value = checked(parameter, value)
+                value = self._checked(parameter, value)
                 self.declare_parameter(name, value, parameter.descriptor(), ignore_override=True)
             settings[name] = value
         return settings
+
+    def _checked(self, parameter, value):
+        """`checked`, naming the file that the value comes from."""
+        try:
+            return checked(parameter, value)
+        except ParameterError as error:
+            origin = self._origins.get(parameter.name)
+            raise ParameterError(f'{origin}: {error}' if origin else str(error)) from None
 
     def _design(self) -> Vibrator:
         """The vibrator file with the initial setpoints that parameters give."""
@@ -173,6 +181,9 @@ class TwinNode(Node):
             self.recorder.write(index, stamp, payload)
 
     def _report(self):
+        me = self.get_name(), self.get_namespace()
+        self.inputs.namesake(self.get_fully_qualified_name(),
+                             self.get_node_names_and_namespaces().count(me) - 1)
         report = self.health.report()
 
         def send(stamp):
@@ -255,6 +266,11 @@ class TwinNode(Node):
             _, publisher = self._out[f'~/{setpoint.name}']
             publisher.publish(float_payload(getattr(self.loop.plant.simulation, setpoint.field)))
         self.loop.start()
+
+    def last_words(self) -> None:
+        """Report once more, from the thread that ends the node, that the loop has died."""
+        self._report()
+        self._out['/diagnostics'][1].wait_for_all_acked(Duration(seconds=0.5))
 
     def close(self) -> None:
         """Stop the loop, finish the recording. Can be called twice."""

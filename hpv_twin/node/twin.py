@@ -25,6 +25,9 @@ class StopSignal:
     def __init__(self):
         self._wished = threading.Event()
         self._count = 0
+
+    def catch(self) -> None:
+        """Take over the signals. From the main thread."""
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._note)
 
@@ -50,6 +53,7 @@ class StopSignal:
 def main(argv: list[str] | None = None) -> int:
     """Run the twin until a signal; 0 after an orderly end, 1 on failure, 2 for bad parameters."""
     stop = StopSignal()
+    stop.catch()
     argv = sys.argv[1:] if argv is None else argv
     if '--help' in argv or '-h' in argv:
         print(help_text())
@@ -66,15 +70,17 @@ def run(argv, stop) -> int:
 
     from hpv_twin.model import VibratorError
 
-    from .node import ParameterError, TwinNode
+    from .node import TwinNode
+    from .params_files import ParameterError, origins
 
     try:
+        files = origins(argv)
         rclpy.init(args=['twin', *argv], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:
         print(f'hpv-twin twin: {one_line(error)}', file=sys.stderr)
         return 2
     try:
-        node = TwinNode()
+        node = TwinNode(files)
     except (ParameterError, VibratorError, InvalidParameterTypeException,
             InvalidParameterValueException, RCLError) as error:
         print(f'hpv-twin twin: {one_line(error)}', file=sys.stderr)
@@ -113,6 +119,7 @@ def serve(node, stop) -> int:
     executor_thread.join(timeout=1.0)
     if node.loop.failure is not None:
         node.say('error', f'the pacing thread has died: {node.loop.failure!r}')
+        node.last_words()
         return 1
     return 0
 
