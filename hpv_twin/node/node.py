@@ -1,8 +1,6 @@
 """The ROS 2 node: a declarative shell that wires topics, parameters and services to the loop."""
 from __future__ import annotations
 
-import difflib
-import math
 import threading
 import time
 from pathlib import Path
@@ -13,7 +11,6 @@ from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock as ClockMessage
@@ -27,14 +24,13 @@ from .inputs import Inputs, Limits
 from .interface import CLOCK, NODE_NAME, OUTPUTS, PARAMETERS, SETPOINTS
 from .loop import Loop
 from .pacing import SECOND
+from .parameters import as_declared, declare
 from .params_files import ParameterError
 from .plant import Plant
 from .records import make_recorder
 from .units import both
 
 COMPILING = 'compiling the model; this happens once and takes about ten seconds'
-# Declared by rclpy itself.
-FOREIGN_PARAMETERS = ('use_sim_time', 'start_type_description_service')
 
 
 class TwinNode(Node):
@@ -44,8 +40,8 @@ class TwinNode(Node):
         """Build the node; `origins` names the files that parameters come from, for complaints."""
         super().__init__(NODE_NAME, automatically_declare_parameters_from_overrides=True)
         self.before_speaking = lambda: None
-        self._origins = origins or {}
-        self.settings = self._declare()
+        self.settings = declare(self, PARAMETERS, lambda text: self.say('warning', text),
+                                origins or {})
         vibrator = self._design()
         self.inputs = Inputs(lambda text: self.say('warning', text))
         rate = self.settings['publish_rate']
@@ -69,40 +65,11 @@ class TwinNode(Node):
                      'are wall time; with speed and publish_clock others can follow it')
         self._listen()
         self._serve()
-        self.add_pre_set_parameters_callback(self._as_declared)
+        self.add_pre_set_parameters_callback(as_declared(PARAMETERS))
         self.add_on_set_parameters_callback(self._check_live)
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     # Parameters --------------------------------------------------------------------------------
-
-    def _declare(self) -> dict:
-        """Declare the parameters with their bounds; values given from outside are checked."""
-        given = {name: parameter.value
-                 for name, parameter in self.get_parameters_by_prefix('').items()}
-        settings = {}
-        for name in given:
-            if name in FOREIGN_PARAMETERS or name.startswith('qos_overrides.'):
-                continue
-            if name not in PARAMETERS:
-                near = difflib.get_close_matches(name, PARAMETERS, n=1)
-                hint = f'; did you mean "{near[0]}"?' if near else ''
-                self.say('warning', f'unknown parameter "{name}" is ignored{hint}')
-            self.undeclare_parameter(name)
-        for name, parameter in PARAMETERS.items():
-            value = given.get(name, parameter.default)
-            if value is not None:
-                value = self._checked(parameter, value)
-                self.declare_parameter(name, value, parameter.descriptor(), ignore_override=True)
-            settings[name] = value
-        return settings
-
-    def _checked(self, parameter, value):
-        """`checked`, naming the file that the value comes from."""
-        try:
-            return checked(parameter, value)
-        except ParameterError as error:
-            origin = self._origins.get(parameter.name)
-            raise ParameterError(f'{origin}: {error}' if origin else str(error)) from None
 
     def _design(self) -> Vibrator:
         """The vibrator file with the initial setpoints that parameters give."""
@@ -137,13 +104,6 @@ class TwinNode(Node):
         low = self.get_parameter(setpoint.low).value if setpoint.low else 0.0
         return Limits(low, self.get_parameter(setpoint.high).value,
                       setpoint.low or 'the lowest', setpoint.high)
-
-    @staticmethod
-    def _as_declared(parameters):
-        """Take an integer given for a double as a double."""
-        return [RosParameter(p.name, RosParameter.Type.DOUBLE, float(p.value))
-                if p.type_ == RosParameter.Type.INTEGER and p.name in PARAMETERS
-                and PARAMETERS[p.name].kind is float else p for p in parameters]
 
     def _check_live(self, parameters):
         """Refuse live changes that would leave a limit without meaning."""
@@ -282,18 +242,3 @@ class TwinNode(Node):
 def float_payload(value: float) -> bytes:
     """A serialized std_msgs/Float64."""
     return serialize_message(Float64(data=float(value)))
-
-
-def checked(parameter, value):
-    """Return a value of the declared type, or raise ParameterError naming type and bound."""
-    if parameter.kind is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
-    if not isinstance(value, parameter.kind):
-        kind = {float: 'a number', bool: 'true or false', str: 'text'}[parameter.kind]
-        raise ParameterError(f'parameter {parameter.name} = {value!r}: {kind} is expected '
-                             f'({parameter.text})')
-    if parameter.low is not None and not (
-            math.isfinite(value) and parameter.low <= value <= parameter.high):
-        raise ParameterError(f'parameter {parameter.name} = {value:g} is outside '
-                             f'[{parameter.low:g}, {parameter.high:g}] ({parameter.text})')
-    return value
