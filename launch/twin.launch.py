@@ -31,6 +31,7 @@ TOPICS = {
     '~/pump_flow_setpoint': 'in: pump flow, m³/s',
     '~/preload_setpoint': 'in: preload of the slotted spring, m',
     '~/load_setpoint': 'in: technological load, N',
+    '~/frequency_setpoint': 'in: frequency to be held by the pump flow, Hz; 0: off',
     '~/pressure': 'out: pressure in cavity A, Pa absolute',
     '~/plunger_position': 'out: plunger and valve sleeve, m, m/s, N',
     '~/pump_flow': 'out: pump flow in force, m³/s',

@@ -4,7 +4,7 @@ from __future__ import annotations
 import shutil
 import sys
 
-from .interface import OUTPUTS, SERVICES, SETPOINTS
+from .interface import INPUTS, OUTPUTS, SERVICES
 from .units import both, litres_per_minute
 
 CLEAR = '\r\x1b[2K'
@@ -50,7 +50,7 @@ def banner(node) -> list[str]:
         lines.append(f'  {heading:12}{name.replace("~", full_name)}{unit}{rate}: {output.text}')
         heading = ''
     heading = 'listens to'
-    for name, setpoint in SETPOINTS.items():
+    for name, setpoint in INPUTS.items():
         limits = node.limits(name)
         lines.append(f'  {heading:12}{setpoint.topic.replace("~", full_name)} [{setpoint.unit}]: '
                      f'{both(name, limits.low)} to {both(name, limits.high)}')

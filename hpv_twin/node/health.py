@@ -6,7 +6,7 @@ import time
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from .interface import SETPOINTS
+from .interface import INPUTS
 from .units import both, gauge, megabytes, preload_with_force
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -19,9 +19,10 @@ HIGHEST_PRESSURE = 40e6  # Pa gauge: there is no relief valve in the model, so i
 class Health:
     """Builds the report. `report()` is called once a second, from the executor's thread."""
 
-    def __init__(self, node_name: str, loop, inputs, recorder, say):
+    def __init__(self, node_name: str, loop, inputs, recorder, say, steering):
         self._name, self._loop, self._inputs = node_name, loop, inputs
-        self._recorder, self._say = recorder, say
+        self._recorder, self._say, self._steering = recorder, say, steering
+        self._held_before = True
         self._refused_before = 0
         self._recorder_dropped_before = 0
         self._before = (time.monotonic(), loop.pacer.ticks, loop.busy)
@@ -29,12 +30,13 @@ class Health:
         self.margin = 1.0
 
     def report(self) -> DiagnosticArray:
-        """All four statuses; whoever publishes them adds the stamp."""
+        """All five statuses; whoever publishes them adds the stamp."""
         array = DiagnosticArray()
         array.status = [self._status('model', *self._model()),
                         self._status('timing', *self._timing()),
                         self._status('inputs', *self._input()),
-                        self._status('recorder', *self._recording())]
+                        self._status('recorder', *self._recording()),
+                        self._status('hold', *self._hold())]
         return array
 
     def _status(self, part, level, message, values):
@@ -107,7 +109,7 @@ class Health:
         inputs = self._inputs
         values = {'longest from receipt to force [ms]':
                   f'{self._loop.slowest_setpoint * 1e-6:.3f}'}
-        for name in SETPOINTS:
+        for name in INPUTS:
             age = inputs.age(name)
             values[f'{name} accepted'] = inputs.accepted[name]
             values[f'{name} age [s]'] = 'never set' if age is None else f'{age:.1f}'
@@ -125,6 +127,13 @@ class Health:
         if inputs.namesakes:
             return WARN, f'another node is called {self._name} too', values
         return OK, 'listening', values
+
+    def _hold(self):
+        held, text, values = self._steering.report()
+        if not held and self._held_before:
+            self._say('warning', text)
+        self._held_before = held
+        return OK if held else WARN, text, values
 
     def _recording(self):
         if self._recorder is None:

@@ -64,7 +64,8 @@ OUTPUTS = {output.name: output for output in (
            latched=True),
     Output('~/frequency', Float64, 'Hz', 'of each cycle; 0 once when oscillation has stopped'),
     Output('~/stroke', Float64, 'm', 'of each cycle; 0 once when oscillation has stopped'),
-    Output('/diagnostics', DiagnosticArray, '', 'model, timing, inputs, recorder; once a second'),
+    Output('/diagnostics', DiagnosticArray, '', 'model, timing, inputs, recorder, hold; once '
+           'a second'),
 )}
 CLOCK = Output('/clock', Clock, 's', 'model time since rest, with publish_clock')
 
@@ -73,6 +74,11 @@ SETPOINTS = {setpoint.name: setpoint for setpoint in (
     Setpoint('preload', 'preload', 'm', None, 'preload_max', 'preload y01 of the slotted spring'),
     Setpoint('load', 'load', 'N', 'load_min', 'load_max', 'technological load F_T, signed'),
 )}
+# Steers the pump flow; it is no state of the model.
+FREQUENCY_SETPOINT = Setpoint('frequency', '', 'Hz', None, '', 'frequency to be held by the pump '
+                              'flow; 0, or a pump-flow setpoint, hands it back')
+HIGHEST_FREQUENCY = 1e4  # Hz; what is out of reach below it ends at a limit, and that is said
+INPUTS = {**SETPOINTS, FREQUENCY_SETPOINT.name: FREQUENCY_SETPOINT}
 
 
 @dataclass(frozen=True)

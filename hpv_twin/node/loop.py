@@ -39,6 +39,8 @@ class Loop:
         self._until_publication = self._ticks_per_publication
         self._stop = threading.Event()
         self.paused = False
+        # Called after each tick with the cycles it completed and whether oscillation has stopped.
+        self.steer = None
         self.published = 0
         self.busy = 0  # ns spent in ticks since the start
         self.slowest_setpoint = 0  # ns from receipt to being in force
@@ -128,9 +130,12 @@ class Loop:
         for cycle in cycles:
             self._outlet('~/frequency', stamp, self._float_payload(cycle.frequency))
             self._outlet('~/stroke', stamp, self._float_payload(cycle.stroke))
-        if not cycles and self.plant.stopped():
+        stopped = not cycles and self.plant.stopped()
+        if stopped:
             self._outlet('~/frequency', stamp, self._float_payload(0.0))
             self._outlet('~/stroke', stamp, self._float_payload(0.0))
+        if self.steer is not None:
+            self.steer(cycles, stopped)
 
     def _apply_setpoints(self, stamp):
         """Put what has come in force for the ticks to come, and say what is in force."""

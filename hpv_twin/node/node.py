@@ -21,13 +21,22 @@ from hpv_twin.model import Vibrator
 
 from .health import HEARTBEAT_LIMIT, Health
 from .inputs import Inputs, Limits
-from .interface import CLOCK, NODE_NAME, OUTPUTS, PARAMETERS, SETPOINTS
+from .interface import (
+    CLOCK,
+    HIGHEST_FREQUENCY,
+    INPUTS,
+    NODE_NAME,
+    OUTPUTS,
+    PARAMETERS,
+    SETPOINTS,
+)
 from .loop import Loop
 from .pacing import SECOND
 from .parameters import as_declared, declare
 from .params_files import ParameterError
 from .plant import Plant
 from .records import make_recorder
+from .steering import Steering
 from .units import both
 
 COMPILING = 'compiling the model; this happens once and takes about ten seconds'
@@ -55,8 +64,9 @@ class TwinNode(Node):
         self.recorder = make_recorder(self, vibrator, self._out)
         plant = Plant(vibrator, self.settings['ambient_pressure'])
         self.loop = Loop(plant, rate, self.settings['speed'], self._publish, float_payload)
+        self.steering = Steering(self.loop, lambda: self.limits('pump_flow').high)
         self.health = Health(self.get_fully_qualified_name(), self.loop, self.inputs,
-                             self.recorder, self.say)
+                             self.recorder, self.say, self.steering)
         if not self.loop.exact_templates:
             self.say('warning', 'serialized messages differ from the templates: publishing the '
                      'slow way')
@@ -67,6 +77,7 @@ class TwinNode(Node):
         self._serve()
         self.add_pre_set_parameters_callback(as_declared(PARAMETERS))
         self.add_on_set_parameters_callback(self._check_live)
+        self.add_post_set_parameters_callback(self._follow_live)
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     # Parameters --------------------------------------------------------------------------------
@@ -100,6 +111,8 @@ class TwinNode(Node):
 
     def limits(self, name: str) -> Limits:
         """Bounds of a setpoint as the parameters have them now."""
+        if name not in SETPOINTS:
+            return Limits(0.0, HIGHEST_FREQUENCY, 'the lowest', 'the highest')
         setpoint = SETPOINTS[name]
         low = self.get_parameter(setpoint.low).value if setpoint.low else 0.0
         return Limits(low, self.get_parameter(setpoint.high).value,
@@ -114,15 +127,24 @@ class TwinNode(Node):
                 f'load_min {values["load_min"]:g} N is above load_max {values["load_max"]:g} N'))
         return SetParametersResult(successful=True)
 
+    def _follow_live(self, parameters):
+        """A hold steers within the new limits at once."""
+        if self.steering.hold.active and any(p.name == 'pump_flow_max' for p in parameters):
+            self.steering.renew()
+
     # In and out --------------------------------------------------------------------------------
 
     def _listen(self):
         newest_only = QoSProfile(depth=1)
-        for name, setpoint in SETPOINTS.items():
+        for name, setpoint in INPUTS.items():
             def receive(message, name=name, setpoint=setpoint):
-                in_force = getattr(self.loop.plant.simulation, setpoint.field)
+                in_force = (getattr(self.loop.plant.simulation, setpoint.field) if setpoint.field
+                            else self.steering.hold.target)
                 if self.inputs.check(name, message.data, self.limits(name), in_force):
-                    self.loop.set(setpoint.field, message.data)
+                    if setpoint.field:
+                        self.steering.setpoint(setpoint.field, message.data)
+                    else:
+                        self.steering.want(message.data)
             strangers = SubscriptionEventCallbacks(
                 incompatible_qos=lambda _, name=name: self.inputs.stranger(name, 'QoS'),
                 incompatible_type=lambda _, name=name: self.inputs.stranger(name, 'type'))
@@ -216,6 +238,7 @@ class TwinNode(Node):
         spare = Plant(self.loop.plant.simulation.vibrator, 0.0)
         spare.tick(0.05)
         spare.position_values()
+        self.steering.map()
         notice.cancel()
 
     def start(self) -> None:

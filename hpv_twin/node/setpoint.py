@@ -7,11 +7,14 @@ import sys
 import time
 
 DEADLINE = 5.0  # s, for finding the twin and for hearing that it obeys
+NAMES = ('pump_flow', 'preload', 'load', 'frequency')
+HELD = 2e-3  # relative error at which a frequency counts as held
 
 EXAMPLES = """\
 examples:
   hpv-twin setpoint --pump-flow 3.65e-4            half the base flow, 21.9 L/min
   hpv-twin setpoint --preload 6e-3 --load 500      more preload, and a load of 500 N
+  hpv-twin setpoint --frequency 70                 hold 70 Hz by the pump flow; 0 hands it back
   hpv-twin setpoint --node /left/hpv_twin --pump-flow 0
 """
 
@@ -26,12 +29,14 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--preload', type=number, metavar='M', help='preload y01, m')
     parser.add_argument('--load', type=number, metavar='N',
                         help='technological load F_T, N; a pull is negative')
+    parser.add_argument('--frequency', type=number, metavar='HZ',
+                        help='frequency to be held by the pump flow, Hz; 0: no longer')
     parser.add_argument('--node', default='/hpv_twin', help='full name of the twin (%(default)s)')
     arguments = parser.parse_args(argv)
-    wanted = {name: getattr(arguments, name) for name in ('pump_flow', 'preload', 'load')
+    wanted = {name: getattr(arguments, name) for name in NAMES
               if getattr(arguments, name) is not None}
     if not wanted:
-        parser.error('name at least one of --pump-flow, --preload, --load')
+        parser.error('name at least one of --pump-flow, --preload, --load, --frequency')
     return send(arguments.node.rstrip('/'), wanted)
 
 
@@ -62,17 +67,24 @@ def send(twin: str, wanted: dict[str, float]) -> int:
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     publishers = {}
     for name in wanted:
+        # A frequency is not put in force but reached: it is measured, and not latched.
         node.create_subscription(Float64, f'{twin}/{name}',
-                                 lambda m, name=name: in_force.update({name: m.data}), latched)
+                                 lambda m, name=name: in_force.update({name: m.data}),
+                                 10 if name == 'frequency' else latched)
         publishers[name] = node.create_publisher(Float64, f'{twin}/{name}_setpoint', 1)
     try:
         end = time.monotonic() + DEADLINE
-        sent = dict.fromkeys(wanted, -math.inf)
-        while time.monotonic() < end and any(in_force.get(n) != v for n, v in wanted.items()):
+        sent = {}
+
+        def done(name):
+            # The frequency may be right by chance, before anybody was asked to hold it.
+            old = name != 'frequency' or time.monotonic() - sent.get(name, math.inf) > 0.2
+            return old and met(name, wanted[name], in_force.get(name))
+        while time.monotonic() < end and not all(map(done, wanted)):
             for name, publisher in publishers.items():
                 # Again now and then: the first may pass before both ends have found each other.
-                if (in_force.get(name) != wanted[name] and publisher.get_subscription_count()
-                        and time.monotonic() - sent[name] > 0.5):
+                if (not done(name) and publisher.get_subscription_count()
+                        and time.monotonic() - sent.get(name, -math.inf) > 0.5):
                     publisher.publish(Float64(data=wanted[name]))
                     sent[name] = time.monotonic()
             executor.spin_once(timeout_sec=0.02)
@@ -83,6 +95,13 @@ def send(twin: str, wanted: dict[str, float]) -> int:
         context.try_shutdown()
 
 
+def met(name: str, wanted: float, heard: float | None) -> bool:
+    """Whether what the twin says is what was wanted; any frequency will do once none is held."""
+    if heard is None or name != 'frequency':
+        return heard == wanted
+    return wanted == 0.0 or abs(heard / wanted - 1.0) < HELD
+
+
 def report(twin, wanted, in_force, both) -> int:
     """Say what is in force; 0 if it is all that was wanted."""
     if not in_force:
@@ -91,13 +110,18 @@ def report(twin, wanted, in_force, both) -> int:
               '--node names another', file=sys.stderr)
         return 1
     for name, value in wanted.items():
-        if in_force.get(name) == value:
+        if name == 'frequency' and name in in_force:
+            held = met(name, value, in_force[name])
+            print(f'frequency: {in_force[name]:.2f} Hz'
+                  + ('' if held else f', {value:g} Hz is not reached: /diagnostics says why'),
+                  file=sys.stdout if held else sys.stderr)
+        elif in_force.get(name) == value:
             print(f'{name}: {both(name, value)} in force')
         else:
             stays = both(name, in_force[name]) if name in in_force else 'unknown'
             print(f'{name}: {both(name, value)} was not accepted, {stays} is in force; the '
                   "twin's log says why", file=sys.stderr)
-    return 0 if in_force == wanted else 1
+    return 0 if all(met(n, v, in_force.get(n)) for n, v in wanted.items()) else 1
 
 
 if __name__ == '__main__':

@@ -153,7 +153,7 @@ def spin(node, stop) -> None:
 
 def help_text() -> str:
     """`--help`: usage, examples, parameters with defaults."""
-    from .interface import PARAMETERS, SETPOINTS
+    from .interface import INPUTS, PARAMETERS
     lines = ['usage: hpv-twin twin [--ros-args -p NAME:=VALUE … -r __ns:=/NAMESPACE …]', '',
              'The real-time twin of a hydropulse vibrator. It publishes pressure and plunger',
              'position at 1 kHz, takes setpoints while it runs and records to bags/.', '',
@@ -163,7 +163,7 @@ def help_text() -> str:
              '  hpv-twin twin --ros-args -p vibrator:=my_vibrator.yaml -r __ns:=/left', '',
              'setpoint topics (std_msgs/msg/Float64):']
     lines += [f'  {setpoint.topic:28}{setpoint.text}, {setpoint.unit}'
-              for setpoint in SETPOINTS.values()]
+              for setpoint in INPUTS.values()]
     lines += ['', 'parameters:']
     lines += [f'  {parameter.name:28}{parameter.text}'
               + ('' if parameter.default in (None, '') else f' [{parameter.default}]')

@@ -17,7 +17,7 @@ def both(name: str, value: float) -> str:
         return f'{litres_per_minute(value)} ({value:.4g} m³/s)'
     if name == 'preload':
         return f'{value * 1e3:.4g} mm ({value:.4g} m)'
-    return f'{value:.6g} N'
+    return f'{value:.6g} {"Hz" if name == "frequency" else "N"}'
 
 
 def preload_with_force(preload: float, stiffness: float) -> str:

@@ -1,0 +1,1 @@
+"""Beside a running machine: holding its frequency, following it, judging its condition. No ROS."""
