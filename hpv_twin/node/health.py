@@ -23,7 +23,7 @@ class Health:
         self._name, self._loop, self._inputs = node_name, loop, inputs
         self._recorder, self._say, self._steering = recorder, say, steering
         self._held_before = True
-        self._refused_before = 0
+        self._refused_before = self._failed_before = 0
         self._recorder_dropped_before = 0
         self._before = (time.monotonic(), loop.pacer.ticks, loop.busy)
         self._classes = np.zeros(len(CLASSES) + 1, dtype=int)
@@ -120,8 +120,12 @@ class Health:
         refused = sum(inputs.refused.values())
         recent, self._refused_before = refused - self._refused_before, refused
         values['refused'] = refused
+        failed, self._failed_before = inputs.failures - self._failed_before, inputs.failures
+        values['failed callbacks'] = inputs.failures
         if inputs.namesakes:
             values['other nodes of this name'] = inputs.namesakes
+        if failed:
+            return ERROR, f'{failed} callbacks failed in the last second: see the log', values
         if recent:
             return WARN, f'{recent} setpoints refused in the last second', values
         if inputs.namesakes:

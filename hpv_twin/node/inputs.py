@@ -26,12 +26,13 @@ class Inputs:
 
     def __init__(self, warn, clock=time.monotonic):
         self._warn, self._clock = warn, clock
-        self._warned: dict[tuple[str, str], float] = {}
+        self._warned: dict[object, float] = {}
         self.accepted: Counter = Counter()
         self.refused: Counter = Counter()
         self.last_accepted: dict[str, float] = {}
         self.strangers: Counter = Counter()
         self.namesakes = 0
+        self.failures = 0
 
     def check(self, name: str, value: float, limits: Limits, in_force: float) -> bool:
         """Whether the setpoint may be obeyed; a refusal is counted, and warned of in words."""
@@ -46,12 +47,16 @@ class Inputs:
             self.last_accepted[name] = self._clock()
             return True
         self.refused[name, reason] += 1
-        now = self._clock()
-        if now - self._warned.get((name, reason), -math.inf) >= WARN_EVERY:
-            self._warned[name, reason] = now
-            self._warn(f'{name} setpoint {both(name, value)} refused, {reason}: {bound}; '
-                       f'{both(name, in_force)} stays in force')
+        self._warn_at_times((name, reason), (
+            f'{name} setpoint {both(name, value)} refused, {reason}: {bound}; '
+            f'{both(name, in_force)} stays in force'))
         return False
+
+    def _warn_at_times(self, kind, text):
+        now = self._clock()
+        if now - self._warned.get(kind, -math.inf) >= WARN_EVERY:
+            self._warned[kind] = now
+            self._warn(text)
 
     def stranger(self, name: str, what: str) -> None:
         """Count and warn of a publisher that this node cannot hear: its type or QoS is wrong."""
@@ -66,6 +71,11 @@ class Inputs:
             self._warn(f'another node is called {name} too: both hear the same setpoints and '
                        'answer the same services; give one a namespace (-r __ns:=/left)')
         self.namesakes = count
+
+    def failed(self, error: Exception) -> None:
+        """Count and tell an error in a callback: a fault of ours, and no reason to fall silent."""
+        self.failures += 1
+        self._warn_at_times(repr(error), f'a callback failed, the twin goes on: {error!r}')
 
     def age(self, name: str) -> float | None:
         """Seconds since a setpoint was last accepted; None if never."""

@@ -57,9 +57,9 @@ class TwinNode(Node):
         self._out = {output.name: (index, self.create_publisher(output.type, output.name,
                                                                 output.qos(rate)))
                      for index, output in enumerate(OUTPUTS.values())}
-        self._clock = None
+        self._ticker = None
         if self.settings['publish_clock']:
-            self._clock = self.create_publisher(CLOCK.type, CLOCK.name, CLOCK.qos(rate))
+            self._ticker = self.create_publisher(CLOCK.type, CLOCK.name, CLOCK.qos(rate))
         self._record_every = self._thinning()
         self.recorder = make_recorder(self, vibrator, self._out)
         plant = Plant(vibrator, self.settings['ambient_pressure'])
@@ -155,9 +155,9 @@ class TwinNode(Node):
         """Called by the loop's thread for every message."""
         index, publisher = self._out[name]
         publisher.publish(payload)
-        if self._clock is not None and name == '~/pressure':
+        if self._ticker is not None and name == '~/pressure':
             now = round(self.loop.plant.simulation.time * SECOND)
-            self._clock.publish(ClockMessage(clock=Time(sec=now // SECOND, nanosec=now % SECOND)))
+            self._ticker.publish(ClockMessage(clock=Time(sec=now // SECOND, nanosec=now % SECOND)))
         if self.recorder is not None and not (
                 OUTPUTS[name].steady and self.loop.published % self._record_every):
             self.recorder.write(index, stamp, payload)

@@ -140,13 +140,16 @@ def warm_up(node, stop) -> bool:
 
 
 def spin(node, stop) -> None:
-    """Serve callbacks one at a time with a pause after each."""
+    """Serve callbacks one at a time with a pause after each; one that fails is not the last."""
     from rclpy.executors import SingleThreadedExecutor
 
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     while not stop.is_set():
-        executor.spin_once(timeout_sec=0.1)
+        try:
+            executor.spin_once(timeout_sec=0.1)
+        except Exception as error:
+            node.inputs.failed(error)
         time.sleep(BETWEEN_SPINS)
     executor.shutdown(timeout_sec=0.5)
 

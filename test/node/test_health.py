@@ -116,3 +116,29 @@ def test_a_node_of_the_same_name_is_warned_of_while_it_is_there(twin, ear):
     namesake.destroy_node()
     context.try_shutdown()
     ear.until(lambda: level(report, 'inputs') == OK, 'the end of the warning')
+
+
+def test_a_failing_callback_is_an_error_and_not_the_last(twin, ear):
+    report = ear.listen(DiagnosticArray, '/diagnostics')
+    in_force = ear.listen(Float64, '/hpv_twin/load', latched=True)
+    ear.until(lambda: level(report, 'inputs') == OK and in_force, 'a report')
+    check = twin.node.inputs.check
+
+    def fail(*_):
+        raise RuntimeError('no oil')
+    twin.node.inputs.check = fail
+    ear.say('/hpv_twin/load_setpoint', 10.0)
+    ear.until(lambda: level(report, 'inputs') == ERROR, 'the error')
+    twin.node.inputs.check = check
+    ear.say('/hpv_twin/load_setpoint', 20.0)
+    ear.until(lambda: in_force[-1].data == 20.0, 'the next setpoint in force')
+    ear.until(lambda: level(report, 'inputs') == OK, 'the end of the error')
+
+
+def test_no_attribute_of_the_twin_hides_one_of_its_node(twin):
+    plain = rclpy.create_node('plain')
+    hidden = {name for name, value in vars(plain).items()
+              if type(vars(twin.node)[name]) is not type(value)}
+    assert not hidden
+    assert not (set(vars(TwinNode)) & (set(dir(plain)) - set(dir(object)))) - {'__module__'}
+    plain.destroy_node()

@@ -257,6 +257,36 @@ def test_publishers_that_cannot_be_heard_are_counted(start_twin, ear):
     assert twin.stop() == 0
 
 
+def test_limits_can_be_changed_while_it_runs(start_twin, ear):
+    from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+    from rcl_interfaces.srv import SetParameters
+
+    def ask(name, **value):
+        request = SetParameters.Request(parameters=[Parameter(name=name, value=ParameterValue(
+            **value))])
+        return ear.call(SetParameters, '/hpv_twin/set_parameters', request).results[0]
+    twin = start_twin('record:=false')
+    in_force = ear.listen(Float64, '/hpv_twin/pump_flow', latched=True)
+    report = ear.listen(DiagnosticArray, '/diagnostics')
+    number, integer, text = (ParameterType.PARAMETER_DOUBLE, ParameterType.PARAMETER_INTEGER,
+                             ParameterType.PARAMETER_STRING)
+    assert ask('pump_flow_max', type=number, double_value=1e-3).successful
+    assert ask('load_max', type=integer, integer_value=5000).successful
+    for name, value in (('pump_flow_max', {'type': number, 'double_value': float('nan')}),
+                        ('pump_flow_max', {'type': number, 'double_value': 2.0}),
+                        ('pump_flow_max', {'type': text, 'string_value': 'much'}),
+                        ('load_min', {'type': number, 'double_value': 6000.0}),
+                        ('speed', {'type': number, 'double_value': 2.0})):
+        answer = ask(name, **value)
+        assert not answer.successful and answer.reason
+    ear.say('/hpv_twin/pump_flow_setpoint', 1.5e-3)
+    ear.until(lambda: value_of(report, 'inputs', 'refused') == '1', 'the refusal')
+    ear.say('/hpv_twin/pump_flow_setpoint', 0.9e-3)
+    ear.until(lambda: in_force and in_force[-1].data == 0.9e-3, 'the setpoint in force')
+    assert 'pump_flow_max is 60.0 L/min (0.001 m³/s)' in twin.log
+    assert 'failed' not in twin.log
+
+
 def test_two_twins_live_in_two_namespaces(start_twin, ear):
     one = start_twin('record:=false', ros=['-r', '__ns:=/left'])
     other = start_twin('record:=false', 'pump_flow:=3.65e-4', ros=['-r', '__ns:=/right'])
