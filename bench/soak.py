@@ -4,7 +4,8 @@ The twin for as long as you like: memory, gaps against reported drops, lateness,
     python bench/soak.py --minutes 20
 
 The twin runs at its defaults with one subscriber to both waveforms in this process. Every step of
-the stamps that is not one period is a gap; the twin must have reported as much dropped time.
+the recorded stamps that is not one period is a gap; the twin must have reported as much dropped
+time. What this process has heard stands beside it: a subscriber in Python can lose messages itself.
 """
 import argparse
 import os
@@ -23,10 +24,11 @@ import psutil
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import Float64
 
 from hpv_twin.model import Simulation, find_cycles
+from hpv_twin.recording.reader import messages, read_signals
 
 PERIOD = 1_000_000  # ns
 EVERY = 10.0  # s between two looks at the process
@@ -42,14 +44,10 @@ class Listener:
         self.executor.add_node(self.node)
         self.last, self.count, self.gaps, self.first = {}, {}, {}, {}
         self.report = None
-        self.rises, self.level = [], None
         for kind, name in ((FluidPressure, 'pressure'), (JointState, 'plunger_position')):
             self.node.create_subscription(kind, f'/hpv_twin/{name}',
                                           lambda m, name=name: self.note(name, m), 5000)
         self.node.create_subscription(DiagnosticArray, '/diagnostics', self.keep, 10)
-        self.frequencies = []
-        self.node.create_subscription(Float64, '/hpv_twin/frequency',
-                                      lambda m: self.frequencies.append(m.data), 1000)
 
     def keep(self, report):
         """Remember the newest diagnostics."""
@@ -57,18 +55,13 @@ class Listener:
                        for status in report.status}
 
     def note(self, name, message):
-        """Take in one message: its stamp, and for the pressure the instants of its rise."""
+        """Take in one message."""
         stamp = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
         before = self.last.get(name)
         if before is None:
             self.first[name] = stamp
         elif abs(stamp - before - PERIOD) > 1000:
             self.gaps.setdefault(name, []).append(stamp - before - PERIOD)
-        if name == 'pressure':
-            pressure, was = message.fluid_pressure - 8e6, self.level
-            if was is not None and was < 0.0 <= pressure and stamp - before < 2 * PERIOD:
-                self.rises.append(before + (stamp - before) * -was / (pressure - was))
-            self.level = pressure
         self.last[name] = stamp
         self.count[name] = self.count.get(name, 0) + 1
 
@@ -89,8 +82,9 @@ def main():
         finally:
             os.killpg(twin.pid, signal.SIGINT)
             print(f'twin ended with {twin.wait(30)}')
-        size = sum(path.stat().st_size for path in Path(folder).glob('*.mcap'))
-        findings(listener, samples, size)
+        recorded(folder)
+        findings(listener, samples, sum(path.stat().st_size
+                                        for path in Path(folder).rglob('*.mcap')))
 
 
 def watch(listener, twin, seconds):
@@ -108,6 +102,29 @@ def watch(listener, twin, seconds):
                       f'{sum(map(len, listener.gaps.values()))}', end='', file=sys.stderr)
         listener.executor.spin_once(timeout_sec=0.1)
     return np.array(samples)
+
+
+def recorded(folder):
+    """Print what the recording says: gaps against reported drops, and the frequency."""
+    dropped = '0'
+    for message in messages(folder, ['/diagnostics']):
+        for status in deserialize_message(message.payload, DiagnosticArray).status:
+            if status.name.endswith(': timing'):
+                dropped = next(v.value for v in status.values if v.key == 'dropped time [s]')
+    pressure = read_signals(folder, ['/hpv_twin/pressure'])['/hpv_twin/pressure']
+    time_, level = pressure.time, pressure.pressure - 8e6
+    steps = np.diff(time_)
+    gaps = np.where(np.abs(steps - PERIOD) > PERIOD // 1000, steps - PERIOD, 0)
+    print(f'recorded: {len(time_)} pressures, {np.count_nonzero(gaps)} gaps of '
+          f'{gaps.sum() * 1e-9:.3f} s in all; the last report says {dropped} s dropped')
+    k = np.flatnonzero((level[:-1] < 0.0) & (level[1:] >= 0.0))
+    rises = time_[k] - steps[k] * level[k] / (level[k + 1] - level[k])
+    # Model time stands still in a gap: wall time without the gaps is what it is compared with.
+    span = rises[-1] - rises[0] - gaps[k[0] + 1:k[-1]].sum()
+    model = find_cycles(Simulation().advance(1.0, sample_rate=10)).frequency[-1]
+    whole = 1e9 * (len(rises) - 1) / span
+    print(f'frequency by wall time, {len(rises) - 1} recorded cycles: {whole:.5f} Hz; model '
+          f'{model:.5f} Hz, off by {whole / model - 1.0:+.1e}')
 
 
 def findings(listener, samples, size):
@@ -129,11 +146,6 @@ def findings(listener, samples, size):
     print(f'memory: {memory[0] * 1e-6:.1f} MB at the start, {memory[late][0] * 1e-6:.1f} MB after '
           f'{time_[late][0]:.0f} s, {memory[-1] * 1e-6:.1f} MB at the end; slope since then '
           f'{slope * 3600 * 1e-6:+.2f} MB/h')
-    model = find_cycles(Simulation().advance(1.0, sample_rate=10)).frequency[-1]
-    by_wall = 1e9 / np.median(np.diff(listener.rises))
-    whole = 1e9 * (len(listener.rises) - 1) / (listener.rises[-1] - listener.rises[0])
-    print(f'frequency by wall time {by_wall:.5f} Hz (median cycle), {whole:.5f} Hz (all cycles by '
-          f'their count), model {model:.5f} Hz, off by {whole / model - 1.0:+.1e}')
     print(f'recordings: {size * 1e-6:.1f} MB, {size / time_[-1] * 60e-6:.2f} MB/min; '
           f'recorder dropped {listener.report["recorder"]["dropped"]}')
 

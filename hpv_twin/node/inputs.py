@@ -34,9 +34,15 @@ class Inputs:
         self.namesakes = 0
         self.failures = 0
 
-    def check(self, name: str, value: float, limits: Limits, in_force: float) -> bool:
-        """Whether the setpoint may be obeyed; a refusal is counted, and warned of in words."""
-        if not math.isfinite(value):
+    def check(self, name: str, value: float | None, limits: Limits, in_force: float) -> bool:
+        """
+        Whether the setpoint may be obeyed; a refusal is counted, and warned of in words.
+
+        None stands for a message that could not be read.
+        """
+        if value is None:
+            reason, bound = 'not a Float64', 'a std_msgs/msg/Float64 is expected'
+        elif not math.isfinite(value):
             reason, bound = 'not finite', 'a finite number is expected'
         elif value < limits.low:
             reason, bound = 'below its limit', f'{limits.low_name} is {both(name, limits.low)}'
@@ -47,8 +53,9 @@ class Inputs:
             self.last_accepted[name] = self._clock()
             return True
         self.refused[name, reason] += 1
+        shown = '' if value is None else f'{both(name, value)} '
         self._warn_at_times((name, reason), (
-            f'{name} setpoint {both(name, value)} refused, {reason}: {bound}; '
+            f'{name} setpoint {shown}refused, {reason}: {bound}; '
             f'{both(name, in_force)} stays in force'))
         return False
 

@@ -37,7 +37,9 @@ def main(argv: list[str] | None = None) -> int:
     from .twin import StopSignal
     stop = StopSignal()
     stop.catch()
-    return run(argv, stop)
+    code = run(argv, stop)
+    stop.ignore()
+    return code
 
 
 def run(argv, stop) -> int:

@@ -12,6 +12,9 @@ from .interface import JOINTS, PRESSURE_FRAME
 
 STAMP = struct.Struct('<iI')
 SECOND = 1_000_000_000
+# A header of four bytes and the number; the second byte tells version and byte order of the CDR.
+FLOAT64_SIZE = 12
+BYTE_ORDERS = {0: '>d', 1: '<d', 6: '>d', 7: '<d'}
 # Values that occur nowhere else in a message: where their bytes stand, the fields stand.
 MARK_SECONDS, MARK_NANOSECONDS = 0x5A17_C0DE, 0x2B1D_FACE
 MARKS = tuple(-1.2345678901234567e+100 * (k + 1) for k in range(6))
@@ -63,6 +66,18 @@ class Template:
     def message(self, stamp: int, *values: float) -> bytes:
         """The message, by patching where the self-check has allowed it."""
         return (self.patched if self.exact else self.serialized)(stamp, *values)
+
+
+def float_value(payload: bytes) -> float | None:
+    """
+    The value of a serialized std_msgs/Float64; None for bytes that are none.
+
+    The middleware drops a message that it cannot read without a word. Taken as it came, it can be
+    counted and told of.
+    """
+    if len(payload) != FLOAT64_SIZE or payload[0] or payload[1] not in BYTE_ORDERS:
+        return None
+    return struct.unpack_from(BYTE_ORDERS[payload[1]], payload, 4)[0]
 
 
 def runs_of(slots: list[int]) -> list[tuple[int, struct.Struct, int]]:

@@ -31,6 +31,7 @@ from .interface import (
     SETPOINTS,
 )
 from .loop import Loop
+from .messages import float_value
 from .pacing import SECOND
 from .parameters import as_declared, declare
 from .params_files import ParameterError
@@ -137,19 +138,20 @@ class TwinNode(Node):
     def _listen(self):
         newest_only = QoSProfile(depth=1)
         for name, setpoint in INPUTS.items():
-            def receive(message, name=name, setpoint=setpoint):
+            def receive(payload, name=name, setpoint=setpoint):
+                value = float_value(payload)
                 in_force = (getattr(self.loop.plant.simulation, setpoint.field) if setpoint.field
                             else self.steering.hold.target)
-                if self.inputs.check(name, message.data, self.limits(name), in_force):
+                if self.inputs.check(name, value, self.limits(name), in_force):
                     if setpoint.field:
-                        self.steering.setpoint(setpoint.field, message.data)
+                        self.steering.setpoint(setpoint.field, value)
                     else:
-                        self.steering.want(message.data)
+                        self.steering.want(value)
             strangers = SubscriptionEventCallbacks(
                 incompatible_qos=lambda _, name=name: self.inputs.stranger(name, 'QoS'),
                 incompatible_type=lambda _, name=name: self.inputs.stranger(name, 'type'))
             self.create_subscription(Float64, setpoint.topic, receive, newest_only,
-                                     event_callbacks=strangers)
+                                     event_callbacks=strangers, raw=True)
 
     def _publish(self, name, stamp, payload):
         """Called by the loop's thread for every message."""

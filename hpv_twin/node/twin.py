@@ -37,6 +37,11 @@ class StopSignal:
         if self._count >= IMPATIENCE + 1:
             os._exit(128 + number)
 
+    def ignore(self) -> None:
+        """Be deaf to signals: the interpreter, as it ends, would let one more of them kill it."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+
     def wish(self) -> None:
         """Ask for the end from inside."""
         self._wished.set()
@@ -58,7 +63,9 @@ def main(argv: list[str] | None = None) -> int:
     if '--help' in argv or '-h' in argv:
         print(help_text())
         return 0
-    return run(argv, stop)
+    code = run(argv, stop)
+    stop.ignore()
+    return code
 
 
 def run(argv, stop) -> int:

@@ -2,10 +2,11 @@
 import pytest
 
 pytest.importorskip('rclpy')
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Float64
 
-from hpv_twin.node.messages import position_template, pressure_template
+from hpv_twin.node.messages import float_value, position_template, pressure_template
 
 
 @pytest.mark.parametrize('stamp', [0, 1, 1_795_394_621_369_271_598, 2**31 * 10**9 - 1])
@@ -42,3 +43,12 @@ def test_a_layout_that_differs_falls_back_to_the_serializer():
     template.exact = False
     template.patched = None
     assert deserialize_message(template.message(7, 1.0), FluidPressure).fluid_pressure == 1.0
+
+
+def test_a_float64_is_read_as_it_was_sent_or_not_at_all():
+    payload = serialize_message(Float64(data=7.3e-4))
+    assert float_value(payload) == 7.3e-4
+    assert float_value(b'\0\0\0\0' + payload[:3:-1]) == 7.3e-4  # the other byte order
+    for bad in (b'', payload[:4], payload[:11], payload + b'\0', b'\0\x09' + payload[2:],
+                b'\1' + payload[1:]):
+        assert float_value(bad) is None
