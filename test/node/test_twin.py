@@ -230,6 +230,24 @@ def test_a_stopped_process_reports_one_drop_and_goes_on(start_twin, ear):
     assert value_of(report, 'model', 'model time [s]') is not None
 
 
+def test_a_speed_beyond_the_machine_is_dropped_counted_and_said(start_twin, ear):
+    twin = start_twin('record:=false', 'speed:=10000.0')
+    pressure = ear.listen(FluidPressure, '/hpv_twin/pressure')
+    report = ear.listen(DiagnosticArray, '/diagnostics')
+    ear.until(lambda: len(report) > 3 and len(pressure) > 100, 'three reports')
+    timing = next(s for s in report[-1].status if s.name.endswith(': timing'))
+    assert timing.level == timing.WARN
+    assert float(value_of(report, 'timing', 'real-time factor')) < 0.9
+    # Model time is that of the ticks that were, at most those of one report more.
+    ticks = int(value_of(report, 'timing', 'ticks'))
+    model_time = float(value_of(report, 'model', 'model time [s]'))
+    assert model_time == pytest.approx(10.0 * ticks, abs=10.0 * 40)
+    steps = np.diff([stamp(message) for message in pressure])
+    assert (steps % 1_000_000 == 0).all() and (steps > 20_000_000).any()
+    assert 'fell behind' in twin.log
+    assert twin.stop() == 0
+
+
 def test_use_sim_time_is_said_to_have_no_effect_and_clock_can_be_published(start_twin, ear):
     from rosgraph_msgs.msg import Clock
     twin = start_twin('use_sim_time:=true', 'publish_clock:=true', 'speed:=0.1', 'record:=false')
