@@ -8,10 +8,7 @@ equations; the loops, and in SciPy's case the switches, are its own.
 from __future__ import annotations
 
 import ctypes
-import functools
-import importlib.util
 import math
-import re
 import subprocess
 import tempfile
 from pathlib import Path
@@ -296,32 +293,13 @@ class KernelEuler(Kernel):
     method = 'euler'
 
 
-@functools.cache
-def kernel_without_store():
-    """Kernel compiled with room for no series: each is expanded anew, as after a setpoint."""
-    source, found = re.subn(r'(?m)^ORBIT = \d+', 'ORBIT = 0', Path(kernel.__file__).read_text())
-    assert found == 1, 'kernel.py no longer says how many series are kept'
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / 'kernel_without_store.py'
-        path.write_text(source)
-        # By its full name it finds what the kernel imports from beside it.
-        spec = importlib.util.spec_from_file_location(f'hpv_twin.model.{path.stem}', path)
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        # Compile while numba can still write beside the file.
-        simulation = Simulation()
-        simulation._integrator = module.advance_exact, np.zeros(module.WORKSPACE)
-        simulation.advance(0.05)
-    return module
-
-
 class WithoutStore(Package):
     """The default integrator, every cycle computed anew."""
 
     def __init__(self, *arguments):
         super().__init__(*arguments)
-        module = kernel_without_store()
-        self.simulation._integrator = module.advance_exact, np.zeros(module.WORKSPACE)
+        room_for_none = np.zeros((1, *kernel.WORKSPACE[1:]))
+        self.simulation._integrator = kernel.advance_exact, room_for_none
 
 
 class KernelWithoutStore(Kernel, WithoutStore):

@@ -24,7 +24,12 @@ RATE = 2000.0  # Hz
 TRUE = {'default': 1e-6, 'euler': 9e-3}  # share of the range that a true kernel is off at most
 STEP = 1e-6  # s, of Euler
 PATIENCE = 4.0  # s of the processor: some mutants never come to an end
-SOURCE = Path(kernel.__file__).read_text()
+# The parts of the kernel as one text, each after those that it imports from.
+PARTS = ('layout', 'machine', 'switches', 'ledger', 'euler', 'series', 'expand', 'standing',
+         'exact')
+SOURCE = '\n\n'.join(re.sub(r'(?m)^from \.kernel_\w+ import (\([^)]*\)|.*)\n', '',
+                            Path(kernel.__file__).with_name(f'kernel_{part}.py').read_text())
+                     for part in PARTS)
 
 # Method that a mutant is run with, function, what stands there, what is put in its place.
 MUTANTS = [line.split(' | ') for line in """\

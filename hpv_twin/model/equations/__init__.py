@@ -8,7 +8,7 @@ small-dimension hydropulse vibrator with a valve-driven pressure pulse generator
 - SI units; pressures are gauge. Arguments are floats or NumPy arrays and broadcast against each
   other; the result has their common shape. A docstring speaks of shapes where that is not all.
 - "Print:" says where the printed equation is wrong; docs/model.md has the proofs and the tests.
-- The equations of motion (22)-(25) that the simulation integrates are in kernel.py.
+- The equations of motion (22)-(25) that the simulation integrates are in kernel_machine.py.
 """
 from .cycle import build_up_time, cycle_period, sleeve_rest_time
 from .flow import dwell_flow, flow_bound, forward_flow, return_flow, slot_flow
