@@ -13,9 +13,9 @@ CLEAR = '\r\x1b[2K'
 class Console:
     """Writes to a terminal; where there is none, it is silent and the log has to do."""
 
-    def __init__(self, stream=None):
+    def __init__(self, stream=None, on=True):
         self._stream = sys.stdout if stream is None else stream
-        self.on = self._stream.isatty()
+        self.on = on and self._stream.isatty()
 
     def banner(self, node) -> None:
         """Say what the twin publishes, listens to and records."""

@@ -3,6 +3,8 @@ from __future__ import annotations
 
 import sys
 
+from .process import run_node
+
 USAGE = """\
 usage: hpv-twin machine [--ros-args -p NAME:=VALUE … -r FROM:=TO …]
        hpv-twin machine --to-file OUT.mcap [options]     without ROS; --to-file --help tells
@@ -34,69 +36,14 @@ def main(argv: list[str] | None = None) -> int:
     if '--help' in argv or '-h' in argv:
         print(help_text())
         return 0
-    from .twin import StopSignal
-    stop = StopSignal()
-    stop.catch()
-    code = run(argv, stop)
-    stop.ignore()
-    return code
+    return run_node('machine', argv, load)
 
 
-def run(argv, stop) -> int:
-    """Start ROS, build the node, serve it until the end."""
-    import rclpy
-    from rclpy._rclpy_pybind11 import RCLError  # has no public name
-    from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
-    from rclpy.signals import SignalHandlerOptions
-
-    from hpv_twin.model import VibratorError
-
+def load():
+    """Import the node, which takes its time."""
+    from .console import Console
     from .machine_node import MachineNode
-    from .params_files import ParameterError, origins
-    from .twin import one_line
-
-    try:
-        files = origins(argv)
-        rclpy.init(args=['machine', *argv], signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:
-        print(f'hpv-twin machine: {one_line(error)}', file=sys.stderr)
-        return 2
-    try:
-        node = MachineNode(files)
-    except (ParameterError, VibratorError, InvalidParameterTypeException,
-            InvalidParameterValueException, RCLError) as error:
-        print(f'hpv-twin machine: {one_line(error)}', file=sys.stderr)
-        rclpy.try_shutdown()
-        return 2
-    try:
-        return serve(node, stop)
-    finally:
-        node.close()
-        node.destroy_node()
-        rclpy.try_shutdown()
-
-
-def serve(node, stop) -> int:
-    """Run the loop and the executor until a signal or a failure."""
-    import threading
-
-    from .twin import SWITCH_INTERVAL, spin, warm_up
-
-    sys.setswitchinterval(SWITCH_INTERVAL)
-    if not warm_up(node, stop):
-        return 0
-    executor_thread = threading.Thread(target=spin, args=(node, stop), name='executor')
-    node.start()
-    executor_thread.start()
-    while not stop.wait(0.2) and node.loop.failure is None:
-        pass
-    stop.wish()
-    executor_thread.join(timeout=1.0)
-    if node.loop.failure is not None:
-        print(f'hpv-twin machine: the pacing thread has died: {node.loop.failure!r}',
-              file=sys.stderr)
-        return 1
-    return 0
+    return MachineNode, Console(on=False)
 
 
 def help_text() -> str:

@@ -18,7 +18,7 @@ from .inputs import Inputs, Limits
 from .interface import PARAMETERS as TWIN_PARAMETERS
 from .interface import SETPOINTS, Parameter
 from .loop import Loop
-from .messages import Template
+from .messages import Template, float_value
 from .parameters import as_declared, declare
 from .units import both
 
@@ -97,7 +97,7 @@ class MachineNode(Node):
         self.before_speaking = lambda: None
         self.settings = declare(self, PARAMETERS, lambda text: self.say('warning', text),
                                 origins or {})
-        self._inputs = Inputs(lambda text: self.say('warning', text))
+        self.inputs = Inputs(lambda text: self.say('warning', text))
         machine = Machine(self._design(), {name: self.settings[name] for name in FAULTS})
         self.sensors = read_sensors(self.settings)
         rate = self.settings['publish_rate']
@@ -108,8 +108,8 @@ class MachineNode(Node):
         self.loop = MachineLoop(self, machine, rate)
         for name, setpoint in SETPOINTS.items():
             self.create_subscription(Float64, setpoint.topic,
-                                     lambda message, name=name: self._obey(name, message.data),
-                                     QoSProfile(depth=1))
+                                     lambda payload, name=name: self._obey(name, payload),
+                                     QoSProfile(depth=1), raw=True)
         self.add_pre_set_parameters_callback(as_declared(PARAMETERS))
         self.add_on_set_parameters_callback(self._check)
         self.add_post_set_parameters_callback(self._change)
@@ -120,12 +120,12 @@ class MachineNode(Node):
         told = {name: self.settings[name] for name in SETPOINTS if self.settings[name] is not None}
         return (Vibrator.load(path) if path else Vibrator()).replace(**told)
 
-    def _obey(self, name, value):
+    def _obey(self, name, payload):
         """Take a setpoint: what it brings about is told by the sensors alone."""
-        setpoint = SETPOINTS[name]
+        setpoint, value = SETPOINTS[name], float_value(payload)
         limits = Limits(self.settings[setpoint.low] if setpoint.low else 0.0,
                         self.settings[setpoint.high], setpoint.low or 'the lowest', setpoint.high)
-        if self._inputs.check(name, value, limits, getattr(self.loop.plant.told, setpoint.field)):
+        if self.inputs.check(name, value, limits, getattr(self.loop.plant.told, setpoint.field)):
             self.loop.set(setpoint.field, value)
 
     def _check(self, parameters):
@@ -157,8 +157,11 @@ class MachineNode(Node):
 
     def say(self, level: str, text: str) -> None:
         """Log a line; each level has a call of its own, as rclpy demands."""
+        self.before_speaking()
         log = self.get_logger()
-        if level == 'warning':
+        if level == 'error':
+            log.error(text)
+        elif level == 'warning':
             log.warning(text)
         else:
             log.info(text)
@@ -173,6 +176,9 @@ class MachineNode(Node):
         self.say('info', f'running: {both("pump_flow", told.pump_flow)}, '
                  f'preload {both("preload", told.preload)}')
         self.loop.start()
+
+    def last_words(self) -> None:
+        """Nothing to add to what the log says: a machine has no report on itself."""
 
     def close(self) -> None:
         """Stop the loop. Can be called twice."""

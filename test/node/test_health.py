@@ -8,8 +8,9 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_msgs.msg import Float64
 
+from hpv_twin.node.console import Console
 from hpv_twin.node.node import TwinNode
-from hpv_twin.node.twin import StopSignal, serve
+from hpv_twin.node.process import StopSignal, serve
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -24,7 +25,7 @@ class TwinHere:
         self.thread.start()
 
     def _serve(self):
-        self.code = serve(self.node, self.stop_signal)
+        self.code = serve(self.node, self.stop_signal, Console(on=False))
 
     def hinder(self, function):
         """Have every tick of the plant begin with `function()`."""
