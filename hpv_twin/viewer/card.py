@@ -1,4 +1,4 @@
-"""The card beside the plots: what was recorded and what the machine is like, as Markdown."""
+"""The cards beside the plots: what was recorded and what the machine is like, as Markdown."""
 from __future__ import annotations
 
 import dataclasses
@@ -8,30 +8,37 @@ import numpy as np
 
 from hpv_twin.model.vibrator import Vibrator
 from hpv_twin.viewer import palette
-from hpv_twin.viewer.signals import Machine, Replay
+from hpv_twin.viewer.phases import NAMES, SYMBOLS
+from hpv_twin.viewer.scene import Panel
+from hpv_twin.viewer.signals import Replay
 
 # What a person reads beside SI, by the SI unit of a design's field: factor and unit.
 SHOWN = {'m': (1e3, 'mm'), 'Pa': (1e-6, 'MPa'), 'm^3': (1e3, 'L'), 'm^3/s': (6e4, 'L/min'),
          'N/m': (1e-3, 'kN/m'), 'Pa s': (1e3, 'mPa·s'), 'N s/m': (1.0, 'N·s/m'),
          'kg/m^3': (1.0, 'kg/m³'), '1': (1.0, '')}
 Rows = list[tuple[str, str]]
-SYMBOLS = {'kappa': 'κ', 'rho_e': 'ρ', 'mu_e': 'μ', 'xi_H': 'ξ_H'}
+GREEK = {'kappa': 'κ', 'rho_e': 'ρ', 'mu_e': 'μ', 'xi_H': 'ξ_H'}
 
 
-def write_card(replay: Replay, vibrator: Vibrator | None, problem: str) -> str:
-    """Return the card; `problem` says why there is no design although there should be one."""
-    figures = [_figures(replay, machine) for machine in replay.machines]
+def write_card(replay: Replay, panels: list[Panel]) -> str:
+    """Return the card of a recording: who made it, when, and the figures of its machines."""
+    figures = [_figures(replay, panel) for panel in panels]
     if len(figures) == 1:  # one table takes less room
         parts = [_table('Recording', replay.path.name, _head(replay) + figures[0])]
     else:
         parts = [_table('Recording', replay.path.name, _head(replay))]
-        parts += [_table(machine.name or 'sensors', '', rows)
-                  for machine, rows in zip(replay.machines, figures, strict=True)]
-    if vibrator is not None:
-        parts.append(_table('Design', '', _design(vibrator)))
-    elif problem:
-        parts.append(_table('Design', '', [('unreadable', problem)]))
+        parts += [_table(panel.name, '', rows)
+                  for panel, rows in zip(panels, figures, strict=True)]
     return '\n\n'.join(parts) + '\n'
+
+
+def write_design(vibrator: Vibrator | None, problem: str) -> str:
+    """Return the card of a design; without one, `problem` says why there is none."""
+    if vibrator is None:
+        return _table('Design', '', [('unreadable', problem)])
+    lines = ['| **Design** | | **origin** |', '|:--|:--|:--|']
+    lines += [f'| {name} | {value} | {origin} |' for name, value, origin in _design(vibrator)]
+    return '\n'.join(lines) + '\n'
 
 
 def _head(replay: Replay) -> Rows:
@@ -49,8 +56,9 @@ def _head(replay: Replay) -> Rows:
     return rows
 
 
-def _figures(replay: Replay, machine: Machine) -> Rows:
-    """Give counts and a few figures of one machine."""
+def _figures(replay: Replay, panel: Panel) -> Rows:
+    """Give counts and the figures of one machine's cycles."""
+    machine = panel.machine
     signal = machine.waveforms[0]
     steps = np.diff(signal.time)
     rate = f' at {1e9 / np.median(steps):.0f} Hz' if len(steps) else ''
@@ -64,7 +72,18 @@ def _figures(replay: Replay, machine: Machine) -> Rows:
     for name in palette.CYCLE_FIGURES:
         if name in machine.numbers:
             rows.append((name, _spread(palette.NUMBERS[name], machine.numbers[name].values)))
-    return rows
+    return rows + _cycle(panel)
+
+
+def _cycle(panel: Panel) -> Rows:
+    """Give the median of what each cycle did, read off the samples."""
+    rows = [(f'{mark.entity.rsplit("/")[-1]} pressure',
+             palette.PRESSURE.text(np.median(mark.signal.values))) for mark in panel.marks]
+    for name, symbol, kind in zip(NAMES, SYMBOLS, range(4), strict=False):
+        times = panel.phases.durations(kind) if panel.phases else np.empty(0)
+        if len(times):
+            rows.append((f'{name}, {symbol}', f'{1e3 * np.median(times):.2f} ms'))
+    return [(f'{name} (median)', value) for name, value in rows]
 
 
 def _spread(quantity: palette.Quantity, values: np.ndarray) -> str:
@@ -81,13 +100,16 @@ def _range(values: np.ndarray) -> tuple[float, float]:
     return float(np.nanmin(values)), float(np.nanmax(values))
 
 
-def _design(vibrator: Vibrator) -> Rows:
-    """Give every field of the design in a person's unit."""
-    rows = []
+def _design(vibrator: Vibrator) -> list[tuple[str, str, str]]:
+    """Give every field of the design in a person's unit, and where the value is from."""
+    rows, base = [], Vibrator()
     for field in dataclasses.fields(vibrator):
-        symbol = SYMBOLS.get(field.metadata['symbol'], field.metadata['symbol'])
+        symbol = GREEK.get(field.metadata['symbol'], field.metadata['symbol'])
+        value = getattr(vibrator, field.name)
+        same = value == getattr(base, field.name)
         rows.append((f'{field.name.replace("_", " ")}, {symbol}',
-                     _value(getattr(vibrator, field.name), field.metadata['unit'])))
+                     _value(value, field.metadata['unit']),
+                     field.metadata['origin'].split(':')[0].split(' ')[0] if same else 'user'))
     return rows
 
 

@@ -1,136 +1,121 @@
-"""The instrument panel: which views there are, where they stand and which part of time they show.
+"""The instrument panel: which views there are and where they stand.
 
-Left, single cycles around the time cursor; middle, the whole run, one strip per quantity over one
-time axis, so that a setpoint's step stands right below what it changed; right, card and events.
+Left, the machine: its cutaway at the time cursor, phase portrait and spectrum of that second, and
+the events. Middle, its quantities: single cycles around the cursor over the phases of the
+cyclogram, then the whole run, one strip per quantity. Right, the cards: recording and design.
 """
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
-
-import numpy as np
-import rerun as rr
 import rerun.blueprint as rrb
 
 from hpv_twin.viewer import scene
-from hpv_twin.viewer.scene import Curve, Panel
+from hpv_twin.viewer.plots import AHEAD, BEHIND, axis, cycle_view, strip, ticked_axis
+from hpv_twin.viewer.portrait import (
+    HEIGHT,
+    WIDTH,
+    has_portrait,
+    has_spectrum,
+    portrait_entity,
+    spectrum_entity,
+)
+from hpv_twin.viewer.scene import Panel
 
-BEHIND, AHEAD = 0.02, 0.08  # s around the cursor: five cycles at 55 Hz
 PLAYBACK_SPEED = 0.02  # one cycle of 55 Hz lasts about a second
-HEADROOM = 0.08
-LEGEND_ROOM = 0.25
-MOST_STEPS = 4.6  # between numbers on the axis of a strip: closer ones the viewer omits
+BACKGROUND = (20, 22, 26)
 
 
-def build_blueprint(panels: list[Panel]) -> rrb.Blueprint:
+def build_blueprint(panels: list[Panel], has_design: bool = False) -> rrb.Blueprint:
     """Return the layout of all panels; each has a tab if there are several."""
-    plots = [_plots(panel) for panel in panels]
+    plots = [_machine(panel) for panel in panels]
+    cards = [rrb.TextDocumentView(name='Recording', contents=[scene.CARD])]
+    if has_design:
+        cards.append(rrb.TextDocumentView(name='Design', contents=[scene.DESIGN]))
     return rrb.Blueprint(
-        rrb.Horizontal(plots[0] if len(plots) == 1 else rrb.Tabs(*plots), _notes(),
-                       column_shares=[9, 3]),
+        rrb.Horizontal(plots[0] if len(plots) == 1 else rrb.Tabs(*plots),
+                       rrb.Vertical(*cards, row_shares=[10, 12][:len(cards)]),
+                       column_shares=[10, 2.6]),
         rrb.TimePanel(timeline=scene.TIME, playback_speed=PLAYBACK_SPEED, play_state='playing',
                       loop_mode='all', state='collapsed'),
         collapse_panels=True, auto_views=False)
 
 
-def _plots(panel: Panel) -> rrb.Horizontal:
-    """Return the cycles and the whole run of one machine."""
+def _machine(panel: Panel) -> rrb.Horizontal:
+    """Return everything of one machine."""
+    views, shares = _over_time(panel)
+    return rrb.Horizontal(
+        _pictures(panel), rrb.Vertical(*views, row_shares=shares, name='over time'),
+        column_shares=[1.0, 1.0] if panel.cutaway else [0.6, 1.0], name=panel.name)
+
+
+def _pictures(panel: Panel) -> rrb.Vertical:
+    """Return the cutaway, phase portrait and spectrum as far as there are any, and the events."""
+    views, shares, below = [], [], []
+    if panel.cutaway:
+        views, shares = [_cutaway(panel)], [4.2]
+    if has_portrait(panel.machine):
+        below.append(rrb.Spatial2DView(
+            origin=portrait_entity(panel.machine), background=BACKGROUND,
+            name='Velocity [m/s] over position [mm]',
+            visual_bounds=rrb.VisualBounds2D(x_range=(-0.2, WIDTH + 0.05),
+                                             y_range=(-HEIGHT - 0.1, 0.2))))
+    if has_spectrum(panel.machine):
+        below.append(rrb.BarChartView(
+            origin=spectrum_entity(panel.machine), name='Plunger [mm] over frequency [Hz]',
+            plot_legend=rrb.PlotLegend(visible=False)))
+    if below:
+        views.append(rrb.Horizontal(*below))
+        shares.append(3.2)
+    events = rrb.TextLogView(name='Events', contents=[scene.EVENTS], columns=rrb.TextLogColumns(
+        text_log_columns=['LogLevel', 'Body']))
+    return rrb.Vertical(*views, events, row_shares=[*shares, 2.0], name='machine')
+
+
+def _cutaway(panel: Panel) -> rrb.Spatial3DView:
+    """Return the view of the machine, seen from where all of it is in sight."""
+    cutaway = panel.cutaway
+    centre, distance = cutaway.drawing.eye()
+    return rrb.Spatial3DView(
+        origin=cutaway.root, name=cutaway.title(), background=BACKGROUND, line_grid=False,
+        eye_controls=rrb.EyeControls3D(kind='Orbital', position=(centre, 0.0, distance),
+                                       look_target=(centre, 0.0, 0.0), eye_up=(0.0, 1.0, 0.0)))
+
+
+def _over_time(panel: Panel) -> tuple[list, list[float]]:
+    """Return the plots over time and their heights."""
     views = [('pressure, gauge [MPa]', panel.pressures)] if panel.pressures else []
     for unit in dict.fromkeys(curve.quantity.unit for curve in panel.joints):
         views.append((f'position [{unit}]', [c for c in panel.joints if c.quantity.unit == unit]))
-    cycles = [_cycle_view(f'Cycles, {name}', curves) for name, curves in views]
-    whole = [_strip(f'Whole run, {views[0][0]}', panel.overview, _axis(panel.overview))]
-    whole += [_strip(_capital(curve.quantity.title), [curve], _ticked_axis(curve))
-              for curve in panel.numbers]
-    return rrb.Horizontal(
-        rrb.Vertical(*cycles, name='cycles'),
-        rrb.Vertical(*whole, row_shares=[1.7] + [1] * len(panel.numbers), name='whole run'),
-        column_shares=[5, 4], name=panel.name)
+    plots = [cycle_view(f'Cycles, {name}', curves, panel.marks if curves is panel.pressures else [])
+             for name, curves in views]
+    heights = [2.4] * len(plots)
+    if panel.phases:
+        plots.append(_phases(panel))
+        heights.append(1.0)
+    plots.append(strip(f'Whole run, {views[0][0]}', panel.overview, axis(panel.overview)))
+    heights.append(1.5)
+    for row in _rows(panel):
+        strips = [strip(_capital(curve.quantity.title), [curve], ticked_axis(curve))
+                  for curve in row]
+        plots.append(rrb.Horizontal(*strips) if len(strips) > 1 else strips[0])
+        heights.append(1.1)
+    return plots, heights
 
 
-def _cycle_view(name: str, curves: list[Curve]) -> rrb.TimeSeriesView:
-    """Return a view of the single cycles around the cursor."""
-    return rrb.TimeSeriesView(
-        name=name, contents=[curve.entity for curve in curves], axis_y=_axis(curves),
-        plot_legend=_legend(curves), defaults=_defaults(),
-        time_ranges=[_around_cursor(timeline) for timeline in (scene.TIME, scene.WALL_CLOCK)])
+def _rows(panel: Panel) -> list[list]:
+    """Return the numbers by rows: what a cycle was like, what was set, what was estimated."""
+    rows = [[], [], []]
+    for curve in panel.numbers:
+        rows[scene.row(curve, panel.machine)].append(curve)
+    return [row[i:i + 2] for row in rows for i in range(0, len(row), 2)]
 
 
-def _strip(name: str, curves: list[Curve], axis: rrb.ScalarAxis) -> rrb.TimeSeriesView:
-    """Return a view of the whole run; its name tells from where to where the values go."""
-    everything = rrb.TimeRange(start=rrb.TimeRangeBoundary.infinite(),
-                               end=rrb.TimeRangeBoundary.infinite())
-    return rrb.TimeSeriesView(
-        name=f'{name}: {_extent(curves)}',
-        contents=[curve.entity for curve in curves], axis_y=axis, plot_legend=_legend(curves),
-        # Without a range, the viewer shows a minute around the cursor.
-        defaults=_defaults(), axis_x=rrb.TimeAxis(view_range=everything))
-
-
-def _extent(curves: list[Curve]) -> str:
-    """Return the lowest and the highest value in words, as one if they look the same."""
-    low, high = _limits(curves)
-    digits = curves[0].quantity.digits
-    ends = [f'{low:.{digits}f}', f'{high:.{digits}f}']
-    return ' to '.join(dict.fromkeys(ends))
-
-
-def _limits(curves: Iterable[Curve]) -> tuple[float, float]:
-    """Return the lowest and the highest value, in the unit shown."""
-    values = [curve.quantity.show(curve.signal.values) for curve in curves]
-    values = np.concatenate([part[np.isfinite(part)] for part in values] or [np.empty(0)])
-    return (float(values.min()), float(values.max())) if len(values) else (0.0, 0.0)
-
-
-def _around_cursor(timeline: str) -> rrb.VisibleTimeRange:
+def _phases(panel: Panel) -> rrb.StateTimelineView:
+    """Return the band of the cyclogram, over the same time as the cycles above it."""
     boundary = rrb.TimeRangeBoundary.cursor_relative
-    return rrb.VisibleTimeRange(timeline, start=boundary(seconds=-BEHIND),
-                                end=boundary(seconds=AHEAD))
-
-
-def _defaults() -> list:
-    """Return how a line is drawn that somebody adds to a view by hand."""
-    return [rr.SeriesLines.from_fields(aggregation_policy=scene.MIN_MAX)]
-
-
-def _legend(curves: list[Curve]) -> rrb.PlotLegend:
-    """Return a legend in the room above the curves; a single curve is named by its view."""
-    return rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=len(curves) > 1)
-
-
-def _axis(curves: list[Curve]) -> rrb.ScalarAxis:
-    """Return a fixed axis from zero, with room above for the legend where there is one."""
-    low, high = _limits(curves)
-    low, high = min(low, 0.0), max(high, 0.0)
-    span = (high - low) or 1.0
-    above = LEGEND_ROOM if len(curves) > 1 else HEADROOM
-    return rrb.ScalarAxis(range=(low - HEADROOM * span, high + above * span))
-
-
-def _ticked_axis(curve: Curve) -> rrb.ScalarAxis:
-    """
-    Return an axis for a low strip on which at least two numbers stand.
-
-    The viewer labels powers of ten and what lies between them, if there is room; on an axis from
-    zero to 55 a strip would have no number but 0.
-    """
-    low, high = _limits([curve])
-    middle, span = (low + high) / 2.0, max(high - low, 0.1 * abs(high)) or 1.0
-    step = 10.0 ** math.ceil(math.log10(span * (1.0 + 2.0 * HEADROOM) / MOST_STEPS))
-    half = (0.5 + HEADROOM) * span
-    if math.floor((middle + half) / step) - math.ceil((middle - half) / step) < 1:
-        low, high = math.floor(low / step) * step, math.ceil(high / step) * step
-        low, high = (low, high) if low < high else (low - step, high + step)
-        middle, half = (low + high) / 2.0, (0.5 + HEADROOM) * (high - low)
-    return rrb.ScalarAxis(range=(middle - half, middle + half))
-
-
-def _notes() -> rrb.Vertical:
-    """Return the card and the event log."""
-    return rrb.Vertical(
-        rrb.TextDocumentView(name='Recording', contents=[scene.CARD]),
-        rrb.TextLogView(name='Events', contents=[scene.EVENTS], columns=rrb.TextLogColumns(
-            text_log_columns=['LogLevel', 'Body'])), row_shares=[9, 2])
+    return rrb.StateTimelineView(
+        origin=scene.phases_entity(panel.machine), name='Phases of the cyclogram',
+        time_view=rrb.TimeAxis(view_range=rrb.TimeRange(start=boundary(seconds=-BEHIND),
+                                                        end=boundary(seconds=AHEAD))))
 
 
 def _capital(text: str) -> str:

@@ -1,7 +1,7 @@
 """How each quantity is shown: its name, a person's unit and one colour, the same everywhere."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,8 @@ VALVE_SLEEVE = Quantity('valve sleeve', 'mm', 1e3, 0xF06595, 3)
 PUMP_FLOW = Quantity('pump flow', 'L/min', 6e4, 0x69DB7C, 1)
 PRELOAD = Quantity('preload', 'mm', 1e3, 0xB197FC, 2)
 LOAD = Quantity('load', 'N', 1.0, 0xC0EB75, 0)
+OPENING = Quantity('opening (white)', 'MPa', 1e-6, 0xF8F9FA, 2)
+RETURN = Quantity('return (red)', 'MPa', 1e-6, 0xFF6B6B, 2)
 FREQUENCY = Quantity('frequency', 'Hz', 1.0, 0xFFE066, 2)
 STROKE = Quantity('stroke', 'mm', 1e3, 0x66D9E8, 2)
 
@@ -48,6 +50,9 @@ NUMBERS = {'frequency': FREQUENCY, 'stroke': STROKE, 'pump_flow': PUMP_FLOW, 'pr
            'load': LOAD}
 CYCLE_FIGURES = ('frequency', 'stroke')
 JOINTS = {'plunger': PLUNGER, 'valve_sleeve': VALVE_SLEEVE}
+# Of the cyclogram: build-up, forward, dwell, return.
+PHASES = (0x5C677DFF, 0x3B8FD6FF, 0xC98A1BFF, 0xD95757FF)
+MEASURED = 0xFFFFFF  # a machine's waveform beside the model's
 OTHERS = (0xE599F7, 0xA5D8FF, 0xFFD8A8, 0xB2F2BB, 0xFCC2D7)
 
 
@@ -55,10 +60,15 @@ def pressure(label: str, index: int) -> Quantity:
     """Return how the pressure topic `label` is shown; `index` counts the machine's pressures."""
     if label == 'pressure':
         return PRESSURE
+    if label == 'measured/pressure':
+        return replace(PRESSURE, label='measured, gauge', colour=MEASURED)
     return Quantity(f'{label}, gauge', 'MPa', 1e-6,
                     OTHERS[index % len(OTHERS)] if index else PRESSURE.colour, 2)
 
 
 def joint(label: str, index: int) -> Quantity:
     """Return how a joint is shown; of a stranger it is unknown whether it slides or turns."""
+    if label.startswith('measured/') and label.rsplit('/')[-1] in JOINTS:
+        part = JOINTS[label.rsplit('/')[-1]]
+        return replace(part, label=f'measured {part.label}', colour=MEASURED)
     return JOINTS.get(label) or Quantity(label, 'm or rad', 1.0, OTHERS[index % len(OTHERS)], 4)

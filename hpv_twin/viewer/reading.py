@@ -4,6 +4,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from hpv_twin.recording.reader import (
     JointSignal,
     PressureSignal,
@@ -118,9 +120,12 @@ def _place(machine: Machine, topic: str, signal) -> None:
     elif isinstance(signal, ScalarSignal):
         machine.numbers[label] = Signal(signal.time, signal.value)
     elif isinstance(signal, JointSignal):
-        for name, values in zip(signal.names, signal.position.T, strict=True):
+        for index, name in enumerate(signal.names):
             joint = name if label == 'plunger_position' else f'{label}/{name}'
-            machine.joints[joint] = Signal(signal.time, values)
+            machine.joints[joint] = Signal(signal.time, signal.position[:, index])
+            velocity = signal.velocity[:, index]
+            if np.isfinite(velocity).any():
+                machine.velocities[joint] = Signal(signal.time, velocity)
 
 
 def _span(machines: list[Machine]) -> tuple[int, int]:

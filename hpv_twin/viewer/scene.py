@@ -2,17 +2,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import rerun as rr
 
+from hpv_twin.model.vibrator import Vibrator
 from hpv_twin.viewer import palette
+from hpv_twin.viewer.cutaway import Cutaway, has_cutaway
 from hpv_twin.viewer.events import Event, find_events
 from hpv_twin.viewer.palette import Quantity
+from hpv_twin.viewer.phases import FORWARD, RETURN, SYMBOLS, Phases, find_phases, pressure_at
+from hpv_twin.viewer.phases import NAMES as PHASE_NAMES
+from hpv_twin.viewer.portrait import has_portrait, has_spectrum, send_portrait, send_spectrum
 from hpv_twin.viewer.signals import Machine, Replay, Signal
 
 TIME, WALL_CLOCK = 'time', 'wall_clock'  # s since the start, and UTC
-CARD, EVENTS = '/card', '/events'
+CARD, DESIGN, EVENTS = '/card', '/design', '/events'
 CHUNK = 1 << 15  # rows; the viewer seeks by chunk
 PAUSE = 100_000_000  # ns; beyond this a cycle's figure is no longer in force
 LEVEL_COLOURS = {'INFO': 0xCED4DAFF, 'WARN': 0xFFD43BFF, 'ERROR': 0xFF6B6BFF}
@@ -44,21 +50,52 @@ class Panel:
     joints: list[Curve]
     numbers: list[Curve]
     overview: list[Curve]
+    marks: list[Curve]
+    machine: Machine
+    cutaway: Cutaway | None
+    phases: Phases | None
 
     @property
     def curves(self) -> list[Curve]:
-        """All of them."""
+        """All lines."""
         return self.pressures + self.joints + self.numbers + self.overview
 
 
-def build_panels(replay: Replay) -> list[Panel]:
-    """Return one panel for each machine of a recording."""
+def build_panels(replay: Replay, vibrator: Vibrator | None = None) -> list[Panel]:
+    """Return one panel for each machine of a recording; `vibrator` is its design if known."""
     panels = []
     for machine in replay.machines:
         pressures, joints = _pressures(replay, machine), _joints(machine)
-        panels.append(Panel(machine.name or 'sensors', pressures, joints,
-                            _numbers(replay, machine), _overview(pressures or joints)))
+        phases = _phases(machine, vibrator)
+        panels.append(Panel(
+            machine.name or 'sensors', pressures, joints, _numbers(replay, machine),
+            _overview(pressures or joints), _marks(replay, machine, phases), machine,
+            Cutaway(machine, vibrator or Vibrator(), replay.ambient)
+            if has_cutaway(machine) else None, phases))
     return panels
+
+
+def _phases(machine: Machine, vibrator: Vibrator | None) -> Phases | None:
+    """Return the phases of the cyclogram; without a design the stroke is what was moved."""
+    if 'plunger' not in machine.joints:
+        return None
+    moved = np.nanmax(machine.joints['plunger'].values)
+    return find_phases(machine, vibrator.stroke if vibrator else moved) if moved > 0.0 else None
+
+
+def _marks(replay: Replay, machine: Machine, phases: Phases | None) -> list[Curve]:
+    """Return the pressures at which the plunger leaves its seat and begins its return."""
+    pressure = machine.pressures.get('pressure')
+    if phases is None or pressure is None:
+        return []
+    marks = []
+    for name, quantity, kind in (('opening', palette.OPENING, FORWARD),
+                                 ('return', palette.RETURN, RETURN)):
+        time = phases.begins(kind)
+        if len(time):
+            marks.append(Curve(f'{_entity(machine, "pressure")}/{name}', quantity,
+                               Signal(time, pressure_at(pressure, time) - replay.ambient)))
+    return marks
 
 
 def _overview(curves: list[Curve]) -> list[Curve]:
@@ -113,17 +150,37 @@ def _numbers(replay: Replay, machine: Machine) -> list[Curve]:
             signal = _paused(machine.numbers[name], machine.waveforms[0], replay.last)
         else:
             signal = machine.numbers[name].in_force(replay.first, replay.last)
+            if name == 'load' and not signal.values.any():
+                continue  # the events tell that there is none; a strip of zeros tells nothing
         curves.append(Curve(_entity(machine, name), quantity, signal, stepped=True))
     return curves
 
 
+def row(curve: Curve, machine: Machine) -> int:
+    """Return which row a number belongs to: 0 cycle figure, 1 setpoint, 2 estimate."""
+    name = machine.below(curve.entity)
+    return 0 if name in palette.CYCLE_FIGURES else 1 if name in palette.NUMBERS else 2
+
+
 def write_scene(stream: rr.RecordingStream, replay: Replay, panels: list[Panel],
-                card: str) -> None:
-    """Send everything that is shown of `replay` to `stream`."""
-    stream.log(CARD, rr.TextDocument(card, media_type='text/markdown'), static=True)
+                cards: dict[str, str]) -> None:
+    """Send everything that is shown of `replay` to `stream`; `cards` are Markdown by entity."""
+    for entity, text in cards.items():
+        stream.log(entity, rr.TextDocument(text, media_type='text/markdown'), static=True)
+    indexes = partial(_indexes, replay)
     for panel in panels:
         for curve in panel.curves:
             _send_curve(stream, replay, curve)
+        for mark in panel.marks:
+            _send_mark(stream, replay, mark)
+        if panel.cutaway:
+            panel.cutaway.send(stream, indexes)
+        if panel.phases:
+            _send_phases(stream, replay, panel)
+        if has_portrait(panel.machine):
+            send_portrait(stream, panel.machine, indexes)
+        if has_spectrum(panel.machine):
+            send_spectrum(stream, panel.machine, indexes)
     _send_events(stream, replay, find_events(replay))
 
 
@@ -169,6 +226,30 @@ def _send_curve(stream: rr.RecordingStream, replay: Replay, curve: Curve) -> Non
         part = slice(begin, begin + CHUNK)
         stream.send_columns(curve.entity, _indexes(replay, curve.signal.time[part]),
                             rr.Scalars.columns(scalars=values[part]))
+
+
+def _send_mark(stream: rr.RecordingStream, replay: Replay, mark: Curve) -> None:
+    """Send one kind of mark on the pressure."""
+    stream.log(mark.entity, rr.SeriesPoints(
+        names=mark.quantity.title, colors=mark.quantity.rgba(), markers='Circle',
+        marker_sizes=5.0), static=True)
+    stream.send_columns(mark.entity, _indexes(replay, mark.signal.time),
+                        rr.Scalars.columns(scalars=mark.quantity.show(mark.signal.values)))
+
+
+def phases_entity(machine: Machine) -> str:
+    """Return the entity of a machine's cyclogram."""
+    return f'{machine.name}/phases'
+
+
+def _send_phases(stream: rr.RecordingStream, replay: Replay, panel: Panel) -> None:
+    """Send the phases of the cyclogram; nothing is known in a gap."""
+    entity, phases = phases_entity(panel.machine), panel.phases
+    names = [f'{symbol} {name}' for name, symbol in zip(PHASE_NAMES, SYMBOLS, strict=False)]
+    stream.log(entity, rr.StateConfiguration(
+        values=names, labels=names, colors=np.array(palette.PHASES, dtype=np.uint32)), static=True)
+    stream.send_columns(entity, _indexes(replay, phases.time), rr.StateChange.columns(
+        state=np.array([*names, ''], dtype=object)[phases.kind].tolist()))
 
 
 def _send_events(stream: rr.RecordingStream, replay: Replay, events: list[Event]) -> None:

@@ -77,11 +77,15 @@ def _write(replay: Replay, vibrator: Vibrator | None, path: Path) -> None:
 
     The scene is made in memory: rerun's own file writer waits for ever when the disk is full.
     """
-    panels = scene.build_panels(replay)
+    design, problem = _design(replay, vibrator)
+    panels = scene.build_panels(replay, design)
     stream = rr.RecordingStream('hpv_twin', recording_id=replay.path.stem)
     memory = stream.memory_recording()
-    stream.send_blueprint(layout.build_blueprint(panels))
-    scene.write_scene(stream, replay, panels, card.write_card(replay, *_design(replay, vibrator)))
+    stream.send_blueprint(layout.build_blueprint(panels, bool(design or problem)))
+    cards = {scene.CARD: card.write_card(replay, panels)}
+    if design or problem:
+        cards[scene.DESIGN] = card.write_design(design, problem)
+    scene.write_scene(stream, replay, panels, cards)
     draft = path.with_name(f'.{path.name}')
     try:
         draft.write_bytes(memory.drain_as_bytes())

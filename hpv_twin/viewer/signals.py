@@ -47,13 +47,15 @@ class Machine:
     """
     One vibrator, or all the sensors of somebody else's file (`name` is empty then).
 
-    `pressures` (Pa, absolute) by topic below the name, `joints` (m) by joint, and `numbers`:
-    pump_flow (m³/s), preload (m), load (N), frequency (Hz), stroke (m), as far as recorded.
+    `pressures` (Pa, absolute) by topic below the name, `joints` (m) and `velocities` (m/s) by
+    joint, and `numbers`: pump_flow (m³/s), preload (m), load (N), frequency (Hz), stroke (m) and
+    what others it publishes, as far as recorded.
     """
 
     name: str
     pressures: dict[str, Signal] = field(default_factory=dict)
     joints: dict[str, Signal] = field(default_factory=dict)
+    velocities: dict[str, Signal] = field(default_factory=dict)
     numbers: dict[str, Signal] = field(default_factory=dict)
 
     @property

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import textwrap
 import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from rerun.chunk import RrdReader
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64
 
-from hpv_twin.viewer import diagnostics, layout, replay
+from hpv_twin.viewer import diagnostics, plots, replay
 from hpv_twin.viewer.palette import LOAD
 from hpv_twin.viewer.scene import Curve
 from hpv_twin.viewer.signals import Signal
@@ -105,36 +106,98 @@ def test_positions_are_in_millimetres(scene):
 @pytest.mark.parametrize(('entity', 'name'), [
     ('pressure', 'pressure, gauge [MPa]'), ('plunger', 'plunger [mm]'),
     ('valve_sleeve', 'valve sleeve [mm]'), ('pump_flow', 'pump flow [L/min]'),
-    ('preload', 'preload [mm]'), ('load', 'load [N]'), ('frequency', 'frequency [Hz]'),
+    ('preload', 'preload [mm]'), ('frequency', 'frequency [Hz]'),
     ('stroke', 'stroke [mm]')])
 def test_names_carry_units(scene, entity, name):
     assert scene.static(f'/hpv_twin/{entity}', 'SeriesLines:names') == name
 
 
 def test_each_quantity_has_a_colour_of_its_own(scene):
-    quantities = ('pressure', 'plunger', 'valve_sleeve', 'pump_flow', 'preload', 'load',
-                  'frequency', 'stroke')
+    quantities = ('pressure', 'plunger', 'valve_sleeve', 'pump_flow', 'preload', 'frequency',
+                  'stroke')
     colours = {scene.static(f'/hpv_twin/{name}', 'SeriesLines:colors') for name in quantities}
     assert len(colours) == len(quantities)
 
 
 def test_every_line_and_every_plot_keeps_extremes(scene):
     min_max = rerun.components.AggregationPolicy.MinMax.value
-    lines = [entity for entity in scene.entities() if entity.startswith('/hpv_twin/')]
-    assert len(lines) == 9
+    lines = [f'/hpv_twin/{name}' for name in (
+        'pressure', 'pressure/whole_run', 'plunger', 'valve_sleeve', 'pump_flow', 'preload',
+        'frequency', 'stroke')]
     for entity in lines:
         assert scene.static(entity, 'SeriesLines:aggregation_policy') == min_max
     laid_out = scene.laid_out('aggregation_policy')
-    assert len(laid_out) == 8
+    assert len(laid_out) == 7
     assert set(laid_out) == {min_max}
 
 
 def test_plots_name_quantity_unit_and_range(scene):
     names = scene.laid_out('display_name')
-    for name in ('Cycles, pressure, gauge [MPa]', 'Cycles, position [mm]',
+    for name in ('Cycles, pressure, gauge [MPa]: dots are opening (white), return (red)',
+                 'Cycles, position [mm]', 'Phases of the cyclogram',
                  'Frequency [Hz]: 38.50 to 55.00', 'Stroke [mm]: 2.00',
-                 'Pump flow [L/min]: 30.0 to 43.8', 'Preload [mm]: 5.20', 'Load [N]: 0'):
+                 'Pump flow [L/min]: 30.0 to 43.8', 'Preload [mm]: 5.20',
+                 'Velocity [m/s] over position [mm]', 'Plunger [mm] over frequency [Hz]',
+                 'Cutaway: motion ×6; oil dark 0, bright 16 MPa gauge'):
         assert name in names
+
+
+def test_a_load_has_a_strip_as_soon_as_there_is_one(tmp_path):
+    scene = save(made.write_twin(tmp_path / 'pull.mcap', seconds=0.3, load=-250.0))
+    assert scene.values('/hpv_twin/load')[1] == pytest.approx([-250.0, -250.0])
+    assert scene.static('/hpv_twin/load', 'SeriesLines:names') == 'load [N]'
+    assert 'Load [N]: -250' in scene.laid_out('display_name')
+
+
+def test_opening_and_return_are_marked_on_the_pressure(scene):
+    time, shown = scene.values('/hpv_twin/pressure/opening')
+    assert len(time) in (81, 82, 83)  # 0.8 s at 55 Hz and 1 s at 38.5 Hz
+    assert np.median(shown) == pytest.approx(13.3, abs=1.0)
+    time, shown = scene.values('/hpv_twin/pressure/return')
+    assert len(time) in (81, 82, 83)
+    assert np.median(shown) == pytest.approx(1.5, abs=0.7)
+
+
+def test_the_cutaway_moves_with_plunger_and_sleeve(scene):
+    plunger, position = scene.values('/hpv_twin/plunger')
+    for name, most in (('plunger', 12.0), ('valve_sleeve', 12.0)):
+        time, moved = scene.values(f'/hpv_twin/cutaway/{name}', 'Transform3D:translation')
+        along = moved.reshape(-1, 3)[:, 0]
+        assert along.min() == 0.0
+        assert along.max() == pytest.approx(most)  # mm: 2.00 mm six times
+    time, moved = scene.values('/hpv_twin/cutaway/plunger', 'Transform3D:translation')
+    there = np.isin(time, plunger)
+    assert there.all()
+    shown = dict(zip(plunger, position, strict=True))
+    assert moved.reshape(-1, 3)[:, 0] == pytest.approx([6.0 * shown[t] for t in time], abs=1e-3)
+
+
+def test_oil_is_coloured_by_pressure(scene):
+    _, pressed = scene.values('/hpv_twin/cutaway/oil/A', 'Mesh3D:albedo_factor')
+    red = pressed >> 24
+    assert red.min() < 60
+    assert red.max() > 240
+    assert scene.static('/hpv_twin/cutaway/oil/C', 'Mesh3D:albedo_factor') >> 24 < 60
+
+
+def test_phases_follow_each_other(scene):
+    _, names = scene.values('/hpv_twin/phases', 'StateChange:state')
+    assert set(names) == {'t_kh build-up', 't_kn forward', 't_kb dwell', 't_RS return', ''}
+    order = ['t_kh build-up', 't_kn forward', 't_kb dwell', 't_RS return']
+    following = {a: b for a, b in zip(order, order[1:] + order[:1], strict=True)}
+    wrong = sum(b != following[a] for a, b in pairwise(names) if a and b)
+    assert wrong == 0
+
+
+def test_spectrum_shows_the_frequency(scene):
+    chunks = [table for table in (chunk.to_record_batch() for chunk in scene.chunks
+                                  if chunk.entity_path == '/hpv_twin/spectrum')]
+    rows = [row[0] for table in chunks if 'BarChart:values' in table.schema.names
+            for row in table.column('BarChart:values').to_pylist()]
+    frequency = next(row[0] for table in chunks if 'BarChart:abscissa' in table.schema.names
+                     for row in table.column('BarChart:abscissa').to_pylist() if row)
+    first = np.array(rows[-1]['buffer'])
+    assert np.array(frequency['buffer'])[first.argmax()] == pytest.approx(38.5, abs=1.5)
 
 
 def test_plays_slowly_on_seconds_since_the_start(scene):
@@ -182,9 +245,14 @@ def test_card_tells_file_figures_and_design(scene):
     card = scene.static('/card', 'TextDocument:text')
     for line in ('run.mcap', '| node | /hpv_twin (hpv_twin 0.1.0) |', '101.325 kPa |',
                  '| samples | 1,800 at 1000 Hz |', '| gaps | 1, longest 201 ms |',
-                 '| stroke | 2.00 mm |', '| plunger seat diameter, d1 | 11 mm |',
-                 '| pump flow, Q_H | 43.8 L/min |'):
+                 '| stroke | 2.00 mm |', '| opening pressure (median) | 1',
+                 '| build-up, t_kh (median) | 12.', '| dwell, t_kb (median) | 0.'):
         assert line in card
+    design = scene.static('/design', 'TextDocument:text')
+    for line in ('| plunger seat diameter, d1 | 11 mm | chosen |', '| stroke, h_b | 2 mm | paper |',
+                 '| preload, y01 | 5.2014 mm | derived |',
+                 '| pump flow, Q_H | 43.8 L/min | paper |'):
+        assert line in design
     assert scene.static('/card', 'TextDocument:media_type') == 'text/markdown'
 
 
@@ -207,8 +275,8 @@ def test_ambient_and_design_can_be_given(tmp_path, capsys):
     absolute = save(path, '--ambient', '0', '--vibrator', str(design))
     gauge = save(path)
     assert absolute.values(PRESSURE)[1] - gauge.values(PRESSURE)[1] == pytest.approx(0.101325)
-    assert '| stroke, h_b | 2.5 mm |' in absolute.static('/card', 'TextDocument:text')
-    assert 'Design' not in gauge.static('/card', 'TextDocument:text')
+    assert '| stroke, h_b | 2.5 mm | user |' in absolute.static('/design', 'TextDocument:text')
+    assert '/design' not in gauge.entities()
     assert '101325 Pa ambient' in capsys.readouterr().out
 
 
@@ -444,7 +512,7 @@ def wait_for(condition, seconds=30.0):
     (-500.0, 8000.0), (0.1, 0.1001)])
 def test_a_strip_has_room_for_two_numbers_at_least(low, high):
     curve = Curve('/x', LOAD, Signal(np.arange(2), np.array([low, high])))
-    bottom, top = layout._ticked_axis(curve).range.as_arrow_array().to_pylist()[0]
+    bottom, top = plots.ticked_axis(curve).range.as_arrow_array().to_pylist()[0]
     assert bottom < low
     assert high < top
     step = 10.0 ** np.ceil(np.log10((top - bottom) / 5.0))  # what the viewer has room for

@@ -133,7 +133,7 @@ bulk_modulus: 1.4e9
 
 
 def write_twin(path, *, seconds=1.0, gap=None, nodes=('/hpv_twin',), with_metadata=True,
-               chunk_size=256 * 1024):
+               chunk_size=256 * 1024, load=0.0):
     """Write a whole twin's recording; `gap` = (from, to) in s is left out.
 
     After half of the time the pump flow falls from 43.8 to 30 L/min, and the frequency with it.
@@ -146,7 +146,7 @@ def write_twin(path, *, seconds=1.0, gap=None, nodes=('/hpv_twin',), with_metada
     extra = {'metadata': metadata(','.join(nodes)), 'design': DESIGN} if with_metadata else {}
     with Recording(path, chunk_size=chunk_size, **extra) as recording:
         for name in nodes:
-            for topic, value in (('pump_flow', 7.3e-4), ('preload', 5.2e-3), ('load', 0.0)):
+            for topic, value in (('pump_flow', 7.3e-4), ('preload', 5.2e-3), ('load', load)):
                 recording.write(f'{name}/{topic}', START, Float64(data=value))
             write_waveforms(recording, name, times[times < middle])
             recording.write(f'{name}/pump_flow', middle, Float64(data=5.0e-4))
