@@ -309,11 +309,7 @@ class Simulation:
         """
         if not (sample_rate > 0.0 and math.isfinite(sample_rate)):
             raise ValueError(f'sample_rate = {sample_rate} Hz must be positive and finite')
-        sample_rate = float(sample_rate)
-        until = self._end(duration)
-        first, last = self._grid(self.time, sample_rate) + 1, self._grid(until, sample_rate)
-        samples = np.empty((kernel.SAMPLE_SIZE, max(0, last - first + 1)))
-        rows = self._run(until, samples, first, sample_rate)
+        rows, samples = self.sampled_tick(duration, float(sample_rate))
         return Trace(*samples[:kernel.SAMPLE_PHASE],
                      phase=samples[kernel.SAMPLE_PHASE].astype(np.int8),
                      switches=as_switches(rows), vibrator=self.design)
@@ -325,6 +321,17 @@ class Simulation:
         Returns the kernel's rows of the switches located on the way, shape (n, ROW_SIZE).
         """
         return self._run(self._end(duration), self._no_samples, 0, 1.0)
+
+    def sampled_tick(self, duration: float, sample_rate: float) -> tuple[np.ndarray, np.ndarray]:
+        """
+        As `tick`, with samples as `advance` takes them: the rows of the switches, and the samples.
+
+        `samples` has one row per quantity (kernel.SAMPLE_TIME, …) and one column per sample.
+        """
+        until = self._end(duration)
+        first, last = self._grid(self.time, sample_rate) + 1, self._grid(until, sample_rate)
+        samples = np.empty((kernel.SAMPLE_SIZE, max(0, last - first + 1)))
+        return self._run(until, samples, first, sample_rate), samples
 
     def _end(self, duration):
         if not (duration >= 0.0 and math.isfinite(duration)):

@@ -86,7 +86,11 @@ class Health:
                   'lateness p99 since start [ms]': f'{self._since_start(0.99):.3f}',
                   'real-time factor': f'{achieved:.4f}',
                   'margin [%]': f'{100.0 * self.margin:.1f}'}
-        gaps = [in_words(gap) for gap in pacer.take_gaps()]
+        gaps = []
+        for gap in pacer.take_gaps():
+            gaps.append(in_words(gap))
+            if self._recorder is not None:
+                self._recorder.note_gap(gap.stamp, gaps[-1])
         for text in gaps[:3]:
             self._say('warning', text)
         silent = loop.silence()

@@ -67,6 +67,12 @@ OUTPUTS = {output.name: output for output in (
     Output('/diagnostics', DiagnosticArray, '', 'model, timing, inputs, recorder, hold; once '
            'a second'),
 )}
+# Recorded at record_rate where that is above publish_rate; not published.
+FINE_OUTPUTS = {output.name: output for output in (
+    Output('~/pressure_fine', FluidPressure, 'Pa', 'as ~/pressure, at record_rate', steady=True),
+    Output('~/plunger_position_fine', JointState, 'm, m/s',
+           'as ~/plunger_position without efforts, at record_rate', steady=True),
+)}
 CLOCK = Output('/clock', Clock, 's', 'model time since rest, with publish_clock')
 
 SETPOINTS = {setpoint.name: setpoint for setpoint in (
@@ -127,8 +133,17 @@ PARAMETERS = {parameter.name: parameter for parameter in (
     Parameter('record_directory', 'bags', 'folder of the recordings, relative to where it runs'),
     Parameter('record_max_size', 1e9, 'bytes kept in all; the oldest own recordings go first',
               2e6, 1e15),
-    Parameter('record_rate', 0.0, 'Hz at which pressure and position are recorded, at most '
-              'publish_rate; 0: publish_rate', 0.0, 10_000.0),
+    Parameter('record_max_age', 0.0, 's; own recordings that ended longer ago are removed; 0: '
+              'never for their age', 0.0, 1e9),
+    Parameter('record_split_size', 0.0, 'bytes after which a recording goes on in a further file; '
+              '0: a tenth of record_max_size, 1 MB to 1 GB', 0.0, 1e12),
+    Parameter('record_split_time', 0.0, 's after which a recording goes on in a further file; 0: '
+              'never for its length', 0.0, 1e7),
+    Parameter('record_reserve', 100e6, 'bytes of the disk left to others: below, recording waits',
+              0.0, 1e15),
+    Parameter('record_rate', 0.0, 'Hz at which pressure and position are recorded; above '
+              'publish_rate as ~/pressure_fine and ~/plunger_position_fine, beside what is '
+              'published; 0: publish_rate', 0.0, 20_000.0),
     Parameter('fsync', False, 'wait for the disk at each flush, so that a power cut loses little'),
 )}
 

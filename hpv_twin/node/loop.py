@@ -20,10 +20,12 @@ class Loop:
     """
     Runs the plant in a thread of its own; everything from outside reaches it through queues.
 
-    `outlet(name, stamp, payload)` publishes and records; it is called from this thread alone.
+    `outlet(name, stamp, payload)` publishes and records, `fine(stamp, samples)` takes what a
+    plant with a sample rate has sampled; they are called from this thread alone.
     """
 
-    def __init__(self, plant: Plant, publish_rate: float, speed: float, outlet, float_payload):
+    def __init__(self, plant: Plant, publish_rate: float, speed: float, outlet, float_payload,
+                 fine=None):
         publish_period = SECOND / publish_rate
         self._ticks_per_publication = max(1, math.ceil(publish_period / LONGEST_TICK))
         period = round(publish_period / self._ticks_per_publication)
@@ -31,6 +33,7 @@ class Loop:
         self.plant = plant
         self.pacer = Pacer(period)
         self._outlet, self._float_payload = outlet, float_payload
+        self._fine = fine
         self._pressure, self._position = pressure_template(), position_template()
         self._calls: deque = deque()
         self._setpoints: deque = deque()
@@ -115,6 +118,8 @@ class Loop:
         if not self.paused:
             cycles = self.plant.tick(self._step)
             self._publish(stamp, cycles)
+            if self._fine is not None:
+                self._fine(stamp, self.plant.samples)
         if self._setpoints or self._to_latch:
             self._apply_setpoints(stamp)
 

@@ -8,6 +8,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Header
 
+from hpv_twin.recording.layout import Layout
+
 from .interface import JOINTS, PRESSURE_FRAME
 
 STAMP = struct.Struct('<iI')
@@ -34,7 +36,9 @@ class Template:
         data = serialize_message(build(MARK_SECONDS, MARK_NANOSECONDS, marks))
         self._bytes = bytearray(data)
         self._stamp = data.index(STAMP.pack(MARK_SECONDS, MARK_NANOSECONDS))
-        self._runs = runs_of([data.index(struct.pack('<d', mark)) for mark in marks])
+        slots = [data.index(struct.pack('<d', mark)) for mark in marks]
+        self._runs = runs_of(slots)
+        self.layout = Layout(data, self._stamp, tuple(slots))
         self._values = values
         self.exact = self._check()
 
@@ -107,3 +111,13 @@ def position_template() -> Template:
         return JointState(header=header, name=list(JOINTS), position=values[0:2],
                           velocity=values[2:4], effort=values[4:6])
     return Template(build, 6)
+
+
+def fine_position_template() -> Template:
+    """JointState; values: both positions m, both velocities m/s; no efforts."""
+    def build(seconds, nanoseconds, values):
+        header = Header(stamp=Time(sec=seconds, nanosec=nanoseconds))
+        values = list(values)
+        return JointState(header=header, name=list(JOINTS), position=values[0:2],
+                          velocity=values[2:4])
+    return Template(build, 4)

@@ -19,6 +19,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from hpv_twin.model import Vibrator
 
+from .fine import FineRecording
 from .health import HEARTBEAT_LIMIT, Health
 from .inputs import Inputs, Limits
 from .interface import (
@@ -36,7 +37,7 @@ from .pacing import SECOND
 from .parameters import as_declared, declare
 from .params_files import ParameterError
 from .plant import Plant
-from .records import make_recorder
+from .records import fine_channels, make_recorder
 from .steering import Steering
 from .units import both
 
@@ -61,10 +62,16 @@ class TwinNode(Node):
         self._ticker = None
         if self.settings['publish_clock']:
             self._ticker = self.create_publisher(CLOCK.type, CLOCK.name, CLOCK.qos(rate))
-        self._record_every = self._thinning()
-        self.recorder = make_recorder(self, vibrator, self._out)
-        plant = Plant(vibrator, self.settings['ambient_pressure'])
-        self.loop = Loop(plant, rate, self.settings['speed'], self._publish, float_payload)
+        speed, recorded = self.settings['speed'], self.settings['record_rate']
+        self._record_every = max(1, round(rate / recorded)) if recorded else 1
+        fine = recorded > rate
+        self.recorder = make_recorder(self, vibrator, self._out, fine)
+        fine = fine and self.recorder is not None
+        plant = Plant(vibrator, self.settings['ambient_pressure'],
+                      recorded / speed if fine else 0.0)
+        self._fine = FineRecording(self.recorder, fine_channels(), plant, speed) if fine else None
+        self.loop = Loop(plant, rate, speed, self._publish, float_payload,
+                         self._fine.take if fine else None)
         self.steering = Steering(self.loop, lambda: self.limits('pump_flow').high)
         self.health = Health(self.get_fully_qualified_name(), self.loop, self.inputs,
                              self.recorder, self.say, self.steering)
@@ -101,14 +108,6 @@ class TwinNode(Node):
                 raise ParameterError(f'initial {name} {both(name, value)} is outside {bounds} of '
                                      f'{limits.low_name} and {limits.high_name}')
         return vibrator
-
-    def _thinning(self) -> int:
-        """Of so many steady messages one is recorded."""
-        published, recorded = self.settings['publish_rate'], self.settings['record_rate']
-        if recorded > published:
-            raise ParameterError(f'parameter record_rate = {recorded:g} Hz is above publish_rate = '
-                                 f'{published:g} Hz: a recording holds what is published')
-        return round(published / recorded) if recorded else 1
 
     def limits(self, name: str) -> Limits:
         """Bounds of a setpoint as the parameters have them now."""

@@ -21,11 +21,16 @@ CLOCK_READING = MILLISECOND // 10
 
 @dataclass(frozen=True)
 class Gap:
-    """A jump in the stamps: `ticks` that never were, `duration` ns (negative: stamps go back)."""
+    """
+    A jump in the stamps: `ticks` that never were, `duration` ns (negative: stamps go back).
+
+    `stamp`, ns, is the first one behind the jump.
+    """
 
     ticks: int
     duration: int
     reason: str
+    stamp: int = 0
 
 
 class Pacer:
@@ -94,7 +99,7 @@ class Pacer:
         self._due += ticks * self.period
         self.dropped_ticks += ticks
         self.dropped_time += ticks * self.period
-        self.gaps.append(Gap(ticks, ticks * self.period, reason))
+        self.gaps.append(Gap(ticks, ticks * self.period, reason, self._due + self._offset))
 
     def _follow_wall_clock(self):
         before, wall, after = self._monotonic(), self._wall(), self._monotonic()
@@ -105,6 +110,6 @@ class Pacer:
         if abs(error) > CLOCK_STEP:
             self._offset += error
             self._slew = 0
-            self.gaps.append(Gap(0, error, 'wall clock set'))
+            self.gaps.append(Gap(0, error, 'wall clock set', self._due + self._offset))
         elif abs(error) > CLOCK_WANDER:
             self._slew = error

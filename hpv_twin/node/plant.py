@@ -1,16 +1,20 @@
 """The model as the node runs it: ticks, setpoints, the figures of the last cycle. No ROS."""
 from __future__ import annotations
 
-from hpv_twin.model import Cycle, CycleFinder, Simulation, Vibrator
+from hpv_twin.model import Cycle, CycleFinder, Simulation, Vibrator, kernel
 from hpv_twin.model.regimes import OSCILLATING, name_regime
 
 
 class Plant:
     """A simulation that finds its cycles as it goes, for one thread."""
 
-    def __init__(self, vibrator: Vibrator, ambient_pressure: float):
+    def __init__(self, vibrator: Vibrator, ambient_pressure: float, sample_rate: float = 0.0):
+        """With `sample_rate`, Hz of model time, each tick leaves the kernel's `samples`."""
         self.simulation = Simulation(vibrator)
         self.ambient_pressure = ambient_pressure
+        self.sample_rate = sample_rate
+        self.samples = None
+        self.sleeve_ratio = float(kernel.parameters(vibrator)[kernel.SLEEVE_RATIO])
         self.reset()
 
     def reset(self) -> None:
@@ -25,7 +29,10 @@ class Plant:
 
     def tick(self, duration: float) -> list[Cycle]:
         """Run for `duration` s of model time; return the cycles completed."""
-        rows = self.simulation.tick(duration)
+        if self.sample_rate:
+            rows, self.samples = self.simulation.sampled_tick(duration, self.sample_rate)
+        else:
+            rows = self.simulation.tick(duration)
         cycles = self._finder.feed(rows) if len(rows) else []
         if cycles:
             self.cycle = cycles[-1]

@@ -5,6 +5,7 @@ import errno
 import fcntl
 import os
 import re
+import time
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -88,24 +89,45 @@ def sync_directory(directory: Path) -> None:
 
 
 def own_files(directory: Path, name: str) -> list[Path]:
-    """The files that a recorder called `name` has made in `directory`, oldest first."""
-    own = re.compile(re.escape(name) + '_' + STAMP + re.escape(SUFFIX))
+    """The files that a recorder called `name` has made in `directory`, oldest first.
+
+    Those in the folders of its recordings, `<name>_<time>/`, are among them.
+    """
+    folder = re.compile(re.escape(name) + '_' + STAMP)
+    file = re.compile(folder.pattern + re.escape(SUFFIX))
+    found = []
     with os.scandir(directory) as entries:
-        return sorted(Path(entry.path) for entry in entries
-                      if own.fullmatch(entry.name) and entry.is_file(follow_symlinks=False))
+        for entry in entries:
+            if file.fullmatch(entry.name) and entry.is_file(follow_symlinks=False):
+                found.append(Path(entry.path))
+            elif folder.fullmatch(entry.name) and entry.is_dir(follow_symlinks=False):
+                found += _files_in(entry.path, file)
+    return sorted(found, key=lambda path: path.name)
 
 
-def make_room(directory: Path, name: str, limit: float) -> Iterator[Path | OSError]:
+def _files_in(folder: str, name: re.Pattern) -> list[Path]:
+    """The plain files in a folder whose names match; none if it cannot be read."""
+    try:
+        with os.scandir(folder) as entries:
+            return [Path(entry.path) for entry in entries
+                    if name.fullmatch(entry.name) and entry.is_file(follow_symlinks=False)]
+    except OSError:
+        return []
+
+
+def make_room(directory: Path, name: str, limit: float,
+              max_age: float = 0.0) -> Iterator[Path | OSError]:
     """Remove the oldest of one's own files until those left hold at most `limit` bytes.
 
-    Files that a recorder is writing are left alone. Yields each path removed, and each error met:
-    a file that cannot be removed is passed over.
+    With `max_age` also those last written to more than so many seconds ago. Files that a recorder
+    is writing are left alone. Yields each path removed, and each error met: a file that cannot be
+    removed is passed over.
     """
     files = own_files(directory, name)
     total = sum(size_of(path) for path in files)
     for path in files:
-        if total <= limit:
-            return
+        if total <= limit and not (max_age and _age(path) > max_age):
+            continue
         try:
             if _is_being_written(path):
                 continue
@@ -118,6 +140,14 @@ def make_room(directory: Path, name: str, limit: float) -> Iterator[Path | OSErr
             continue
         total -= size
         yield path
+
+
+def _age(path: Path) -> float:
+    """Seconds since a file was last written to; 0 if it is not there."""
+    try:
+        return time.time() - path.stat().st_mtime
+    except OSError:
+        return 0.0
 
 
 def size_of(path: Path) -> int:

@@ -12,6 +12,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from .layout import Layout
+
 TYPE_NAME = re.compile(r'([a-zA-Z0-9_]+)/(?:msg/)?([a-zA-Z0-9_]+)')
 FIELD_TYPE = re.compile(r'^[ \t]*([a-zA-Z0-9_/]+)(?:<=\d+)?(?:\[[^\]]*\])?[ \t]+', re.MULTILINE)
 PRIMITIVES = frozenset((
@@ -33,7 +35,8 @@ class Channel:
 
     `schema` is the message definition with everything it refers to, as rosbag2 concatenates it;
     `type_hash` the REP-2011 hash; `qos` what `qos_text` gives. The latest message of a `latched`
-    channel is repeated at the start of every further file of a recording.
+    channel is repeated at the start of every further file of a recording. With a `layout`, many
+    messages can be recorded at once, from arrays.
     """
 
     topic: str
@@ -42,11 +45,12 @@ class Channel:
     type_hash: str
     qos: str
     latched: bool = False
+    layout: Layout | None = None
 
 
 def channel_for(topic: str, type_name: str, module: str | os.PathLike, *,
                 reliability: str = 'reliable', durability: str = 'volatile', depth: int = 1000,
-                latched: bool = False) -> Channel:
+                latched: bool = False, layout: Layout | None = None) -> Channel:
     """Describe a topic from the message packages installed on this machine.
 
     `type_name` is `sensor_msgs/msg/FluidPressure`; `module` the path of the imported Python
@@ -57,7 +61,7 @@ def channel_for(topic: str, type_name: str, module: str | os.PathLike, *,
     prefixes = list(_prefixes(type_name, Path(module)))
     return Channel(topic, type_name, schema_text(type_name, prefixes),
                    type_hash(type_name, prefixes), qos_text(reliability, durability, depth),
-                   latched)
+                   latched, layout)
 
 
 def qos_text(reliability: str = 'reliable', durability: str = 'volatile',

@@ -3,14 +3,18 @@
 import contextlib
 import mimetypes
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 from mcap.well_known import MessageEncoding, SchemaEncoding
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType
 
 from . import LIBRARY
+from .bulk import BulkWriter
 from .files import DataFile, sync_directory
+from .layout import Rows
 from .schemas import Channel
 from .summary import unfinished
 
@@ -18,6 +22,7 @@ CHUNK_SIZE = 256 * 1024
 COMPRESSION = CompressionType.ZSTD
 OPENING_RECORD = 'hpv_twin'
 CLOSING_RECORD = 'hpv_twin_closing'
+GAPS_RECORD = 'hpv_twin_gaps'
 PROFILE = 'ros2'
 
 
@@ -32,12 +37,15 @@ class Segment:
                  attachments: Mapping[str, bytes], fsync: bool = False):
         self.path = file.path
         self.messages = 0
+        self.unwritten: Counter[int] = Counter()  # by channel: what the process's death would lose
         self._file = file
         self._fsync = fsync
-        self._writer = Writer(file, chunk_size=CHUNK_SIZE, compression=COMPRESSION)
+        self._writer = BulkWriter(file, chunk_size=CHUNK_SIZE, compression=COMPRESSION)
         try:
             self._begin(metadata, attachments)
             self._channels = self._register(channels)
+            self._rows = {number: Rows(self._channels[number], channel.layout)
+                          for number, channel in enumerate(channels) if channel.layout}
         except BaseException:
             self.abandon()
             self.path.unlink(missing_ok=True)
@@ -77,9 +85,36 @@ class Segment:
 
     def append(self, channel: int, stamp: int, payload: bytes, sequence: int) -> None:
         """Add a message; it is safe from the process's death after the next `flush`."""
+        before = self._note(channel, 1)
         self._writer.add_message(self._channels[channel], stamp, payload, stamp,
                                  sequence & 0xffffffff)
-        self.messages += 1
+        self._settle(before)
+
+    def append_rows(self, channel: int, stamps: np.ndarray, values: np.ndarray,
+                    sequence: int) -> None:
+        """Add messages of a channel with a layout: `stamps` in ns, ascending, and rows of `values`.
+
+        Raises ValueError if the values do not fit the layout.
+        """
+        rows = self._rows[channel].lay_out(stamps, values, sequence & 0xffffffff)
+        before = self._note(channel, len(stamps))
+        self._writer.add_rows(self._channels[channel], stamps, rows)
+        self._settle(before)
+
+    def _note(self, channel: int, count: int) -> int:
+        """Count what is about to be added; the size of the file before."""
+        self.unwritten[channel] += count
+        self.messages += count
+        return self._file.size
+
+    def _settle(self, size_before: int) -> None:
+        """A chunk that was full has taken along everything before it."""
+        if self._file.size > size_before:
+            self.unwritten.clear()
+
+    def tell_gaps(self, gaps: Mapping[str, str]) -> None:
+        """Write why the stamps jump: first stamp behind a gap, in ns, and the reason."""
+        self._writer.add_metadata(GAPS_RECORD, dict(gaps))
 
     def flush(self) -> None:
         """Hand everything to the operating system, with `fsync` to the disk.
@@ -87,6 +122,7 @@ class Segment:
         Raises FileNotFoundError if the file was removed meanwhile.
         """
         self._writer.flush()
+        self.unwritten.clear()
         if self._fsync:
             self._file.sync()
         if self._file.removed():

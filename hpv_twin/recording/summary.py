@@ -54,15 +54,18 @@ def unfinished(path: Path) -> str:
         return f'cannot be read back: {error.strerror}'
 
 
-def read_summary(file: BinaryIO) -> tuple[str, Summary | None]:
-    """What is wrong ('' if nothing), and the index: None also in a whole file without one."""
+def read_summary(file: BinaryIO, chunks: bool = True) -> tuple[str, Summary | None]:
+    """What is wrong ('' if nothing), and the index: None also in a whole file without one.
+
+    Without `chunks` the places of the chunks, the most of it, are passed over.
+    """
     problem, data = _index_bytes(file)
     if problem or not data:
         return problem, None
     found = {opcode: [] for opcode in PARSERS}
     try:
         for opcode, content in _frames(data):
-            if opcode in found:
+            if opcode in found and (chunks or opcode != Opcode.CHUNK_INDEX):
                 found[opcode].append(parse(opcode, content))
     except BROKEN:
         return 'its index makes no sense', None

@@ -13,6 +13,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 
 from hpv_twin.model import Simulation, find_cycles
+from hpv_twin.recording.reader import read_signals
 
 AMBIENT = 101_325.0
 
@@ -168,6 +169,28 @@ def test_a_recording_can_be_thinned(start_twin, ear):
     assert np.median(np.diff(stamps)) == 10_000_000
 
 
+def test_waveforms_are_recorded_between_the_ticks(start_twin, ear):
+    twin = start_twin('record_rate:=20000')
+    report = ear.listen(DiagnosticArray, '/diagnostics')
+    ear.until(lambda: len(report) > 3, 'diagnostics')
+    twin.stop()
+    signals = read_signals(twin.recordings[0])
+    fine, plain = signals['/hpv_twin/pressure_fine'], signals['/hpv_twin/pressure']
+    assert len(fine.time) >= 19 * len(plain.time)
+    steps = np.diff(fine.time)
+    dropped = int(value_of(report, 'timing', 'dropped ticks'))
+    assert (steps > 60_000).sum() <= dropped and np.median(steps) == 50_000 and steps.min() > 0
+    # Where a sample falls on a tick, it is what was published.
+    common, at, there = np.intersect1d(fine.time, plain.time, return_indices=True)
+    assert len(common) > 0.9 * len(plain.time)
+    assert fine.pressure[at] == pytest.approx(plain.pressure[there], rel=1e-9)
+    positions = signals['/hpv_twin/plunger_position_fine']
+    published = signals['/hpv_twin/plunger_position']
+    assert (positions.time == fine.time).all() and positions.names == published.names
+    assert positions.position[at] == pytest.approx(published.position[there], abs=1e-12)
+    assert positions.velocity[at] == pytest.approx(published.velocity[there], abs=1e-9)
+
+
 def test_parameters_set_the_start_and_integers_are_numbers(start_twin, ear):
     twin = start_twin('pump_flow:=3.65e-4', 'load:=100', 'record:=false', 'ambient_pressure:=0',
                       'publish_rate:=200', 'pump_flw:=1', ros=['-r', '__ns:=/left'])
@@ -188,7 +211,8 @@ def test_parameters_set_the_start_and_integers_are_numbers(start_twin, ear):
     ('pump_flow:=0.01', ['pump_flow', '600.0 L/min (0.01 m³/s)', 'pump_flow_max']),
     ('vibrator:=absent.yaml', ['absent.yaml', 'No such file']),
     ('record:=1', ['record', 'true or false']),
-    ('record_rate:=5000', ['record_rate', '5000 Hz', 'publish_rate = 1000 Hz']),
+    ('record_rate:=50000', ['record_rate', '50000', '20000']),
+    ('record_split_size:=100', ['record_split_size', '100 bytes', '1e+06']),
 ])
 def test_a_bad_parameter_is_one_line_and_exit_code_2(start_twin, parameter, words):
     twin = start_twin(parameter)

@@ -214,13 +214,20 @@ def test_recording_stops_cleanly_when_the_disk_becomes_nearly_full(tmp_path, mon
     usage = shutil.disk_usage(tmp_path)
     monkeypatch.setattr(session.shutil, 'disk_usage', lambda _: usage._replace(free=500_000))
     tools.wait_until(lambda: describe(path).complete)
-    assert not recording.status.recording
-    assert recording.stop() is None
+    tools.wait_until(lambda: not recording.status.recording)
     assert describe(path).messages == 40
     reason = 'only 500.0 kB of the disk are free, 1.0 MB are left to others'
-    assert recording.status.error == reason
+    assert recording.status.error.startswith(f'{reason}; next try within ')
     assert describe(path).metadata['recording.closed_because'] == reason
-    assert log.of('error') == [f'recording stops: {reason}']
+    assert log.of('error') == [f'recording waits: {reason}']
+    monkeypatch.setattr(session.shutil, 'disk_usage', lambda _: usage)
+    tools.wait_until(lambda: recording.status.recording)
+    assert recording.status.file != path
+    recording.write(*next(tools.ticks(1, 20)))
+    last = recording.stop()
+    assert describe(last).messages == 1
+    assert describe(last).metadata['recording.resumed_after'].startswith('only 500.0 kB')
+    assert describe(last).metadata['recording.continues'] == path.name
 
 
 def test_a_log_that_raises_ends_no_recording(tmp_path, capsys):

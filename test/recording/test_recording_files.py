@@ -6,6 +6,7 @@ import time
 from datetime import UTC, datetime
 
 import pytest
+import yaml
 
 from hpv_twin.recording import files
 
@@ -20,7 +21,7 @@ def old(directory, name, size=100):
 
 def total_size(directory):
     total = 0
-    for path in directory.iterdir():
+    for path in directory.rglob('*'):
         with contextlib.suppress(FileNotFoundError):  # removed by the recorder meanwhile
             total += path.stat().st_size
     return total
@@ -97,9 +98,13 @@ def test_a_recording_is_split_and_the_total_is_kept(tmp_path):
             most = max(most, total_size(tmp_path))
     recording.stop()
     assert 2e6 < most < 4e6
+    folder, = (path for path in tmp_path.iterdir() if path.is_dir())
+    bag = yaml.safe_load((folder / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
     left = files.own_files(tmp_path, 'hpv_twin')
     about = [describe(path) for path in left]
     assert all(recording.complete for recording in about)
+    assert bag['relative_file_paths'] == [path.name for path in left]
+    assert bag['message_count'] == sum(recording.messages for recording in about)
     parts = [int(recording.metadata['recording.part']) for recording in about]
     assert parts == list(range(parts[0], parts[0] + len(parts))) and parts[0] > 1
     stamps = [m.log_time for path in left for m in messages(path, [tools.TOPICS[tools.PRESSURE]])]
