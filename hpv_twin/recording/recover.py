@@ -16,7 +16,9 @@ import numpy as np
 from mcap.writer import Writer
 
 from . import LIBRARY
+from .bag import write_metadata
 from .files import readable_size
+from .parts import find_parts, is_recording
 from .scan import Block, Scan, Trouble
 from .segment import CHUNK_SIZE, COMPRESSION
 from .summary import RecordingError
@@ -34,7 +36,9 @@ exit status: 0 the recording was whole; 3 something is lost; 1 nothing could be 
 A recording that was not finished counts as 3 even if every byte of it is understood: the messages
 of its last quarter of a second never reached the disk.
 
-example: hpv-twin recover bags/hpv_twin_20250131T120000.000Z.mcap"""
+examples:
+  hpv-twin recover bags/hpv_twin_20250131T120000.000Z.mcap
+  hpv-twin recover bags/hpv_twin_20250131T120000.000Z        the folder of a split recording"""
 
 
 @dataclass
@@ -69,26 +73,60 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; the exit status is 0, 3 or 1 as `--help` says."""
     parser = argparse.ArgumentParser('hpv-twin recover', description=DESCRIPTION, epilog=EPILOG,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('file', metavar='FILE', type=Path, help='the recording (.mcap)')
+    parser.add_argument('file', metavar='FILE', type=Path,
+                        help='the recording: a file (.mcap), or the folder of one that was split')
     parser.add_argument('-o', '--output', metavar='OUT', type=Path,
-                        help='the copy; default: FILE_recovered.mcap beside FILE. '
-                             'An existing file is never overwritten')
+                        help='the copy; default: FILE_recovered.mcap beside FILE, or '
+                             'FOLDER_recovered. What exists is never overwritten')
     options = parser.parse_args(argv)
-    output = (options.output
-              or options.file.parent / f'{options.file.stem}_recovered.mcap')
-    progress = _Progress()
+    source = options.file
+    beside = (f'{source.name}_recovered' if source.is_dir() else f'{source.stem}_recovered.mcap')
+    output = options.output or source.parent / beside
     try:
-        recovery = recover(options.file, output, progress)
+        if source.is_dir():
+            return recover_folder(source, output)
+        return recover_file(source, output)
     except RecordingError as error:
         return _refuse(str(error))
     except OSError as error:
         return _refuse(f'{error.filename or output}: {error.strerror}')
     except KeyboardInterrupt:
-        return _refuse('interrupted, nothing was written')
+        return _refuse('interrupted; parts that were done are kept' if source.is_dir()
+                       else 'interrupted, nothing was written')
+
+
+def recover_file(source: Path, output: Path) -> int:
+    """Recover one file and say what became of it; the exit status."""
+    progress = _Progress()
+    try:
+        recovery = recover(source, output, progress)
     finally:
         progress.end()
     print('\n'.join(_report(recovery)))
     return WHOLE if recovery.whole else LOST
+
+
+def recover_folder(folder: Path, output: Path) -> int:
+    """Recover the parts of a split recording into a folder with metadata.yaml; the exit status."""
+    if not is_recording(folder):
+        raise RecordingError(f'{folder}: this folder is not one recording; name a recording in it')
+    parts = find_parts(folder)
+    if output.exists():
+        raise FileExistsError(17, 'not overwritten, it exists', str(output))
+    output.mkdir(parents=True)
+    outcomes = []
+    for part in parts:
+        print(f'{part.name}:')
+        try:
+            outcomes.append(recover_file(part, output / part.name))
+        except RecordingError as error:
+            print(error)
+            outcomes.append(NOTHING)
+    write_metadata(output)
+    if set(outcomes) == {NOTHING}:
+        output.rmdir()
+        return NOTHING
+    return WHOLE if set(outcomes) == {WHOLE} else LOST
 
 
 def _refuse(text: str) -> int:
