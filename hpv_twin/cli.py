@@ -30,6 +30,8 @@ COMMANDS = {
     'replay': Command('hpv_twin.viewer.replay', 'open a recording in rerun'),
     'recover': Command('hpv_twin.recording.recover', 'make a damaged recording readable'),
     'validate': Command('hpv_twin.study.validate', "check a design against the paper's results"),
+    'optimise': Command('hpv_twin.study.optimise', 'search designs best for several objectives'),
+    'sensitivity': Command('hpv_twin.study.sensitivity', 'what each field of a design changes'),
     'sweep': Command('hpv_twin.study.sweep', 'map what a machine does over flow and preload'),
 }
 
@@ -44,6 +46,8 @@ examples:
   {PROG} recover damaged.mcap -o whole.mcap
   {PROG} validate --plot validation.png            the model against the paper
   {PROG} sweep --want-frequency 80 --plot map.png  the operating map; settings that give 80 Hz
+  {PROG} sensitivity --plot tornado.png            what each field of the design changes
+  {PROG} optimise --plot front.png --design b.yaml search the best designs; write one of them
 
 `{PROG} NAME --help` tells the rest. With ROS 2, `ros2 run hpv_twin NAME …` is the same."""
 

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -141,14 +142,19 @@ class Vibrator(Derived):
         except VibratorError as error:
             raise VibratorError(f'{source}: {error}') from None
 
-    def to_yaml(self) -> str:
-        """Write the design as YAML, each value with its unit, symbol, meaning and origin."""
+    def to_yaml(self, origins: Mapping[str, str] | None = None) -> str:
+        """
+        Write the design as YAML, each value with its unit, symbol, meaning and origin.
+
+        `origins` tells where the values of some fields come from, by name.
+        """
         base = Vibrator()
         lines = ['# A hydropulse vibrator. SI units; every pressure is gauge.']
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             meta = field.metadata
             origin = meta['origin'] if value == getattr(base, field.name) else 'set by the user'
+            origin = (origins or {}).get(field.name, origin)
             lines += ['', f'# {meta["symbol"]} [{meta["unit"]}]: {meta["text"]}', f'# {origin}',
                       f'{field.name}: {yaml_number(value)}']
         return '\n'.join(lines) + '\n'

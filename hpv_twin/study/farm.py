@@ -5,9 +5,11 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from hpv_twin.model import VibratorError
 from hpv_twin.model.batch import CYCLES, run_designs, threads_available
 from hpv_twin.model.designs import Designs
 
+ANSWER, WORKERS = 10, 30  # s to wait for a scheduler, for its first worker
 CHUNK = 2000  # designs: some tenths of a second, which is how long Ctrl-C waits
 
 
@@ -32,8 +34,17 @@ class Farm:
             # Imported by who asks for it: they are another extra.
             import joblib  # noqa: F401
             from distributed import Client
-            self._client = Client(self.scheduler, timeout=10)
-            self._client.wait_for_workers(1, timeout=30)
+            try:
+                self._client = Client(self.scheduler, timeout=ANSWER)
+            except (OSError, ValueError) as error:
+                raise VibratorError(f'no dask scheduler answers at {self.scheduler} within '
+                                    f'{ANSWER} s: {error}') from None
+            try:
+                self._client.wait_for_workers(1, timeout=WORKERS)
+            except TimeoutError:
+                self._client.close()
+                raise VibratorError(f'the dask scheduler at {self.scheduler} has no workers; start '
+                                    'some: dask worker ADDRESS --nthreads 1') from None
         return self
 
     def __exit__(self, *_):

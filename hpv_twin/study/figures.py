@@ -43,6 +43,7 @@ FIGURES_SHOWN = {
     'load_work': Shown('work on the load', 'J', 1.0),
     'efficiency': Shown('efficiency', '%', 100.0),
     'pressure_rate': Shown('greatest |dp/dt|', 'GPa/s', 1e-9),
+    'band_miss': Shown('frequency outside the band by', 'Hz', 1.0),
 }
 
 

@@ -103,6 +103,19 @@ def difference(there: str, here: str) -> str:
         f'{name} is {there.get(name)}, here {here.get(name)}' for name in names)
 
 
+def read_study(path) -> dict:
+    """Read which study a results file holds; StudyFileError where it holds none."""
+    try:
+        header = first_line(path)
+        if header.startswith(MARK):
+            return json.loads(header.removeprefix(MARK))
+    except OSError as error:
+        raise StudyFileError(f'{path}: {error.strerror}') from None
+    except ValueError:
+        pass
+    raise StudyFileError(f'{path} holds no study')
+
+
 def first_line(path) -> str:
     """Return the first line of a file, or something that no study has."""
     try:
