@@ -67,6 +67,7 @@ bench: $(installed)-$(EXTRAS) ## tables: speed of the model, rate and lateness o
 	$(py) bench/node_rate.py
 	$(py) bench/setpoint_response.py
 	$(py) bench/under_fire.py
+	$(py) bench/studies.py
 
 MINUTES ?= 20
 soak: $(installed)-$(EXTRAS) ## the twin for MINUTES=20: memory, gaps, lateness, drift
