@@ -68,6 +68,7 @@ bench: $(installed)-$(EXTRAS) ## tables: speed of the model, rate and lateness o
 	$(py) bench/setpoint_response.py
 	$(py) bench/under_fire.py
 	$(py) bench/studies.py
+	$(py) bench/replay_speed.py
 
 MINUTES ?= 20
 soak: $(installed)-$(EXTRAS) ## the twin for MINUTES=20: memory, gaps, lateness, drift

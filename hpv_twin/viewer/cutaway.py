@@ -61,6 +61,7 @@ class Cutaway:
                        static=True)
             stream.send_columns(f'{self.root}/{spring}/coils', indexes(signal.time),
                                 rr.Transform3D.columns(scale=_along(scale, 1.0)))
+            stream.flush()
 
     def _send_oil(self, stream, indexes) -> None:
         """Colour the oil: B has the pressure of A while the plunger is off its seat."""

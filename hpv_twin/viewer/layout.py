@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import rerun.blueprint as rrb
 
-from hpv_twin.viewer import scene
+from hpv_twin.viewer import palette, scene
 from hpv_twin.viewer.plots import AHEAD, BEHIND, axis, cycle_view, strip, ticked_axis
 from hpv_twin.viewer.portrait import (
     HEIGHT,
@@ -18,7 +18,7 @@ from hpv_twin.viewer.portrait import (
     portrait_entity,
     spectrum_entity,
 )
-from hpv_twin.viewer.scene import Panel
+from hpv_twin.viewer.scene import Curve, Panel
 
 PLAYBACK_SPEED = 0.02  # one cycle of 55 Hz lasts about a second
 BACKGROUND = (20, 22, 26)
@@ -93,20 +93,29 @@ def _over_time(panel: Panel) -> tuple[list, list[float]]:
         heights.append(1.0)
     plots.append(strip(f'Whole run, {views[0][0]}', panel.overview, axis(panel.overview)))
     heights.append(1.5)
-    for row in _rows(panel):
-        strips = [strip(_capital(curve.quantity.title), [curve], ticked_axis(curve))
-                  for curve in row]
-        plots.append(rrb.Horizontal(*strips) if len(strips) > 1 else strips[0])
-        heights.append(1.1)
+    rows = _rows(panel)
+    if panel.estimates:  # no room for both: behind each other
+        plots.append(rrb.Tabs(rrb.Vertical(*rows, name='Cycles and setpoints'),
+                              rrb.Vertical(*_strips(panel.estimates), name='Estimates')))
+        heights.append(1.1 * len(rows))
+    else:
+        plots += rows
+        heights += [1.1] * len(rows)
     return plots, heights
 
 
-def _rows(panel: Panel) -> list[list]:
-    """Return the numbers by rows: what a cycle was like, what was set, what was estimated."""
-    rows = [[], [], []]
-    for curve in panel.numbers:
-        rows[scene.row(curve, panel.machine)].append(curve)
-    return [row[i:i + 2] for row in rows for i in range(0, len(row), 2)]
+def _rows(panel: Panel) -> list:
+    """Return the strips of cycle figures, then those of setpoints."""
+    figures = [c for c in panel.numbers if c.quantity.label in palette.CYCLE_FIGURES]
+    return _strips(figures) + _strips([c for c in panel.numbers if c not in figures])
+
+
+def _strips(curves: list[Curve]) -> list:
+    """Return one strip for each curve, two in a row."""
+    strips = [strip(_capital(curve.quantity.title), [curve], ticked_axis(curve))
+              for curve in curves]
+    pairs = [strips[at:at + 2] for at in range(0, len(strips), 2)]
+    return [rrb.Horizontal(*pair) if len(pair) > 1 else pair[0] for pair in pairs]
 
 
 def _phases(panel: Panel) -> rrb.StateTimelineView:

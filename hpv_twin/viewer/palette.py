@@ -19,7 +19,7 @@ class Quantity:
     @property
     def title(self) -> str:
         """The name with its unit, as legends and views have it."""
-        return f'{self.label} [{self.unit}]'
+        return f'{self.label} [{self.unit}]' if self.unit else self.label
 
     def rgba(self, brightness: float = 1.0) -> int:
         """Return the opaque colour as rerun takes it, darkened by `brightness` below 1."""
@@ -32,7 +32,7 @@ class Quantity:
 
     def text(self, value: float) -> str:
         """Return one SI value with the unit, for sentences and tables."""
-        return f'{self.show(value):.{self.digits}f} {self.unit}'
+        return f'{self.show(value):.{self.digits}f} {self.unit}'.rstrip()
 
 
 PRESSURE = Quantity('pressure, gauge', 'MPa', 1e-6, 0xFFA94D, 2)
@@ -54,6 +54,27 @@ JOINTS = {'plunger': PLUNGER, 'valve_sleeve': VALVE_SLEEVE}
 PHASES = (0x5C677DFF, 0x3B8FD6FF, 0xC98A1BFF, 0xD95757FF)
 MEASURED = 0xFFFFFF  # a machine's waveform beside the model's
 OTHERS = (0xE599F7, 0xA5D8FF, 0xFFD8A8, 0xB2F2BB, 0xFCC2D7)
+
+
+# What is estimated of a measured machine: unit, factor, digits. Others are shown as recorded.
+ESTIMATES = {'cavity_stiffness': ('MPa/mL', 1e-12, 3), 'pump_flow': ('L/min', 6e4, 2),
+             'opening_force': ('N', 1.0, 0), 'base_pressure': ('MPa gauge', 1e-6, 3),
+             'flow_coefficient': ('', 1.0, 3), 'viscous_friction': ('N·s/m', 1.0, 1),
+             'residual': ('MPa', 1e-6, 3)}
+ESTIMATE_COLOURS = (0xE599F7, 0x69DB7C, 0xFF922B, 0xA5D8FF, 0xFFD8A8, 0xFCC2D7, 0xFF6B6B)
+
+
+def is_estimate(label: str) -> bool:
+    """Whether a number belongs to the machine that a twin follows."""
+    return label == 'residual' or label.startswith('estimate/')
+
+
+def estimate(label: str, index: int) -> Quantity:
+    """Return how an estimate, or the residual, is shown."""
+    name = label.removeprefix('estimate/')
+    unit, factor, digits = ESTIMATES.get(name, ('', 1.0, 3))
+    return Quantity(name.replace('_', ' ') + (', estimated' if name != label else ''), unit,
+                    factor, ESTIMATE_COLOURS[index % len(ESTIMATE_COLOURS)], digits)
 
 
 def pressure(label: str, index: int) -> Quantity:

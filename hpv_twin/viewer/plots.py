@@ -13,17 +13,20 @@ from hpv_twin.viewer.scene import Curve
 
 BEHIND, AHEAD = 0.02, 0.08  # s around the cursor: five cycles at 55 Hz
 HEADROOM = 0.08
-LEGEND_ROOM = 0.25
+LEGEND_ROOM = 0.3  # for each line of a legend but the first
 MOST_STEPS = 4.6  # between numbers on the axis of a strip: closer ones the viewer omits
 
 
 def cycle_view(name: str, curves: list[Curve], marks: list[Curve]) -> rrb.TimeSeriesView:
     """Return a view of the single cycles around the cursor, with marks on them."""
-    if marks and len(curves) == 1:  # without a legend
-        name += ': dots are ' + ', '.join(mark.quantity.label for mark in marks)
+    in_title = marks and all(c.quantity.label.startswith('measured') for c in curves[1:])
+    if in_title:  # a legend of so many would cover the curves
+        name += ''.join(f', {curve.quantity.label.split(",")[0]} (white)' for curve in curves[1:])
+        name += '; dots: ' + ', '.join(mark.quantity.label for mark in marks)
     return rrb.TimeSeriesView(
-        name=name, contents=[curve.entity for curve in curves + marks], axis_y=axis(curves),
-        plot_legend=_legend(curves), defaults=_defaults(),
+        name=name, contents=[curve.entity for curve in curves + marks],
+        axis_y=axis(curves[:1] if in_title else curves), plot_legend=_legend(curves, not in_title),
+        defaults=_defaults(),
         time_ranges=[_around_cursor(timeline) for timeline in (scene.TIME, scene.WALL_CLOCK)])
 
 
@@ -64,9 +67,9 @@ def _defaults() -> list:
     return [rr.SeriesLines.from_fields(aggregation_policy=scene.MIN_MAX)]
 
 
-def _legend(curves: list[Curve]) -> rrb.PlotLegend:
+def _legend(curves: list[Curve], wanted: bool = True) -> rrb.PlotLegend:
     """Return a legend in the room above the curves; a single curve is named by its view."""
-    return rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=len(curves) > 1)
+    return rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=wanted and len(curves) > 1)
 
 
 def axis(curves: list[Curve]) -> rrb.ScalarAxis:
@@ -74,7 +77,7 @@ def axis(curves: list[Curve]) -> rrb.ScalarAxis:
     low, high = limits(curves)
     low, high = min(low, 0.0), max(high, 0.0)
     span = (high - low) or 1.0
-    above = LEGEND_ROOM if len(curves) > 1 else HEADROOM
+    above = LEGEND_ROOM * (len(curves) - 1) if len(curves) > 1 else HEADROOM
     return rrb.ScalarAxis(range=(low - HEADROOM * span, high + above * span))
 
 

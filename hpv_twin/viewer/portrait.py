@@ -10,11 +10,12 @@ from hpv_twin.viewer import palette
 from hpv_twin.viewer.cutaway import ANNOTATION
 from hpv_twin.viewer.signals import Machine, Signal
 
-SECOND = 1_000_000_000
+SECOND = 1_000_000_000  # ns
+MINUTE = 60  # s
 WIDTH, HEIGHT = 1.5, 1.0  # of the portrait's frame; a 2D view has one scale for both axes
 HIGHEST = 400.0  # Hz; the ninth harmonic is the last to be seen
 GRID = 0x495057FF
-FINE = 8  # points between two samples of the line
+FINE = 4  # points between two samples of the line
 
 
 def portrait_entity(machine: Machine) -> str:
@@ -45,17 +46,18 @@ def send_portrait(stream: rr.RecordingStream, machine: Machine, indexes) -> None
     frame = _Frame(position.values * 1e3, velocity.values)
     frame.send(stream, entity)
     points = frame.place(position.values * 1e3, velocity.values)
-    times, strips = [], []
-    for begin, end in _seconds(position):
-        whole = slice(begin, end)
-        times.append(position.time[begin])
-        strips.append(frame.place(*_smooth(position.time[whole], position.values[whole],
-                                           velocity.values[whole])))
     colour = palette.PLUNGER.rgba(0.75)
     stream.log(f'{entity}/last_second', rr.LineStrips2D.from_fields(
         colors=colour, radii=rr.components.Radius.ui_points(0.8)), static=True)
-    stream.send_columns(f'{entity}/last_second', indexes(np.array(times)),
-                        rr.LineStrips2D.columns(strips=strips))
+    spans = _seconds(position)
+    for at in range(0, len(spans), MINUTE):
+        part = spans[at:at + MINUTE]
+        strips = [frame.place(*_smooth(position.time[begin:end], position.values[begin:end],
+                                       velocity.values[begin:end])) for begin, end in part]
+        stream.send_columns(f'{entity}/last_second',
+                            indexes(position.time[[begin for begin, _ in part]]),
+                            rr.LineStrips2D.columns(strips=strips))
+        stream.flush()  # so that no more than this waits in memory
     stream.log(f'{entity}/now', rr.Points2D.from_fields(
         colors=0xFFFFFFFF,
         radii=rr.components.Radius.ui_points(5.0), draw_order=50.0), static=True)
@@ -145,13 +147,11 @@ def send_spectrum(stream: rr.RecordingStream, machine: Machine, indexes) -> None
     frequency = np.fft.rfftfreq(size, 1.0 / _rate(position))
     shown = (frequency > 0.5) & (frequency <= HIGHEST)
     entity = spectrum_entity(machine)
-    rows = []
+    # Frequencies and colour hold from the first row on.
+    held = {'abscissa': [frequency[shown].astype(np.float32)], 'color': [palette.PLUNGER.rgba()]}
     for begin, end in spans:
         y, window = np.nan_to_num(position.values[begin:end]), np.hanning(end - begin)
-        rows.append(2e3 * np.abs(np.fft.rfft((y - y.mean()) * window, size))[shown] / window.sum())
-    for index, ((begin, _), row) in enumerate(zip(spans, rows, strict=True)):
-        # Frequencies and colour hold from the first row on.
-        held = {} if index else {'abscissa': [frequency[shown].astype(np.float32)],
-                                 'color': [palette.PLUNGER.rgba()]}
+        row = 2e3 * np.abs(np.fft.rfft((y - y.mean()) * window, size))[shown] / window.sum()
         stream.send_columns(entity, indexes(position.time[begin:begin + 1]),
                             rr.BarChart.columns(values=[row.astype(np.float32)], **held))
+        held = {}

@@ -16,7 +16,7 @@ from hpv_twin.recording.reader import (
     messages,
     read_signals,
 )
-from hpv_twin.viewer import diagnostics
+from hpv_twin.viewer import diagnostics, palette
 from hpv_twin.viewer.signals import STANDARD_ATMOSPHERE, Machine, Replay, Signal
 
 PRESSURE = 'sensor_msgs/msg/FluidPressure'
@@ -46,6 +46,9 @@ def load(path: Path, since: float | None = None, until: float | None = None, *,
     for topic, signal in signals.items():
         _place(_owner(machines, topic), topic, signal)
     machines = sorted((m for m in machines if m.waveforms), key=lambda machine: machine.name)
+    for machine in machines:  # a twin's own before what was measured
+        machine.pressures = dict(sorted(machine.pressures.items(), key=_is_measured))
+        machine.joints = dict(sorted(machine.joints.items(), key=_is_measured))
     if not machines:
         end = 'the end' if until is None else f'{until:g} s'
         raise RecordingError(f'{path}: nothing was recorded from {since or 0:g} s to {end}; it '
@@ -84,7 +87,8 @@ def _machines(about: Recording) -> list[Machine]:
     A machine is the recording's own node, or has a plunger_position. All other sensors share one
     machine without a name.
     """
-    names = {topic.removesuffix('/plunger_position') for topic, (kind, _) in about.topics.items()
+    names = {topic.removesuffix('/plunger_position').removesuffix('/measured')
+             for topic, (kind, _) in about.topics.items()
              if kind == JOINTS and topic.endswith('/plunger_position')}
     names.update(n for n in about.metadata.get('node', '').split(',') if n.startswith('/'))
     return [Machine(n) for n in sorted(names, key=lambda name: (-len(name), name))] + [Machine('')]
@@ -102,12 +106,19 @@ def _read(about: Recording, machines: list[Machine], first: int | None, last: in
                   for name in names)
         return [t for t in topics if t in about.topics and about.topics[t].type_name == NUMBER]
 
-    wanted = _sensors(about) + numbers(SETPOINTS + CYCLE_FIGURES)
+    wanted = _sensors(about) + numbers(SETPOINTS + CYCLE_FIGURES) + _estimates(about, machines)
     signals = read_signals(about.path, wanted, first, last, progress)
     if first is not None:
         # A setpoint in force may be older than what is shown.
         signals |= read_signals(about.path, numbers(SETPOINTS), None, last)
     return signals
+
+
+def _estimates(about: Recording, machines: list[Machine]) -> list[str]:
+    """Return the topics of what a twin says of the machine that it follows."""
+    return [topic for topic, (kind, _) in about.topics.items() if kind == NUMBER
+            and any(m.name and m.owns(topic) and palette.is_estimate(m.below(topic))
+                    for m in machines)]
 
 
 def _place(machine: Machine, topic: str, signal) -> None:
@@ -122,10 +133,15 @@ def _place(machine: Machine, topic: str, signal) -> None:
     elif isinstance(signal, JointSignal):
         for index, name in enumerate(signal.names):
             joint = name if label == 'plunger_position' else f'{label}/{name}'
-            machine.joints[joint] = Signal(signal.time, signal.position[:, index])
+            # Copies: a column would keep the whole table.
+            machine.joints[joint] = Signal(signal.time, signal.position[:, index].copy())
             velocity = signal.velocity[:, index]
-            if np.isfinite(velocity).any():
-                machine.velocities[joint] = Signal(signal.time, velocity)
+            if joint == 'plunger' and np.isfinite(velocity).any():
+                machine.velocities[joint] = Signal(signal.time, velocity.copy())
+
+
+def _is_measured(item: tuple[str, Signal]) -> bool:
+    return item[0].startswith('measured/')
 
 
 def _span(machines: list[Machine]) -> tuple[int, int]:

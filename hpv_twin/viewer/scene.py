@@ -1,6 +1,7 @@
 """A replay as rerun's columns: every quantity an entity, in a person's unit and its colour."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -49,6 +50,7 @@ class Panel:
     pressures: list[Curve]
     joints: list[Curve]
     numbers: list[Curve]
+    estimates: list[Curve]
     overview: list[Curve]
     marks: list[Curve]
     machine: Machine
@@ -58,21 +60,25 @@ class Panel:
     @property
     def curves(self) -> list[Curve]:
         """All lines."""
-        return self.pressures + self.joints + self.numbers + self.overview
+        return self.pressures + self.joints + self.numbers + self.estimates + self.overview
 
 
 def build_panels(replay: Replay, vibrator: Vibrator | None = None) -> list[Panel]:
     """Return one panel for each machine of a recording; `vibrator` is its design if known."""
-    panels = []
-    for machine in replay.machines:
-        pressures, joints = _pressures(replay, machine), _joints(machine)
-        phases = _phases(machine, vibrator)
-        panels.append(Panel(
-            machine.name or 'sensors', pressures, joints, _numbers(replay, machine),
-            _overview(pressures or joints), _marks(replay, machine, phases), machine,
-            Cutaway(machine, vibrator or Vibrator(), replay.ambient)
-            if has_cutaway(machine) else None, phases))
-    return panels
+    return [_panel(replay, machine, vibrator) for machine in replay.machines]
+
+
+def _panel(replay: Replay, machine: Machine, vibrator: Vibrator | None) -> Panel:
+    """Return the panel of one machine; it is drawn as the base design if its own is not known."""
+    pressures, joints = _pressures(replay, machine), _joints(machine)
+    phases = _phases(machine, vibrator)
+    cutaway = (Cutaway(machine, vibrator or Vibrator(), replay.ambient)
+               if has_cutaway(machine) else None)
+    return Panel(
+        name=machine.name or 'sensors', pressures=pressures, joints=joints,
+        numbers=_numbers(replay, machine), estimates=_estimates(replay, machine),
+        overview=_overview(pressures or joints), marks=_marks(replay, machine, phases),
+        machine=machine, cutaway=cutaway, phases=phases)
 
 
 def _phases(machine: Machine, vibrator: Vibrator | None) -> Phases | None:
@@ -156,32 +162,47 @@ def _numbers(replay: Replay, machine: Machine) -> list[Curve]:
     return curves
 
 
-def row(curve: Curve, machine: Machine) -> int:
-    """Return which row a number belongs to: 0 cycle figure, 1 setpoint, 2 estimate."""
-    name = machine.below(curve.entity)
-    return 0 if name in palette.CYCLE_FIGURES else 1 if name in palette.NUMBERS else 2
+def _estimates(replay: Replay, machine: Machine) -> list[Curve]:
+    """Return what a twin says of the machine that it follows."""
+    names = filter(palette.is_estimate, sorted(machine.numbers))
+    return [
+        Curve(_entity(machine, name), palette.estimate(name, index),
+              _paused(machine.numbers[name], machine.waveforms[0], replay.last), stepped=True)
+        for index, name in enumerate(names)]
 
 
 def write_scene(stream: rr.RecordingStream, replay: Replay, panels: list[Panel],
-                cards: dict[str, str]) -> None:
-    """Send everything that is shown of `replay` to `stream`; `cards` are Markdown by entity."""
+                cards: dict[str, str], progress: Callable[[int, int], None]) -> None:
+    """
+    Send everything that is shown of `replay` to `stream`; `cards` are Markdown by entity.
+
+    `progress(done, steps)` is told how far it is.
+    """
     for entity, text in cards.items():
         stream.log(entity, rr.TextDocument(text, media_type='text/markdown'), static=True)
-    indexes = partial(_indexes, replay)
+    steps = [partial(_send_events, stream, replay, find_events(replay))]
     for panel in panels:
-        for curve in panel.curves:
-            _send_curve(stream, replay, curve)
-        for mark in panel.marks:
-            _send_mark(stream, replay, mark)
-        if panel.cutaway:
-            panel.cutaway.send(stream, indexes)
-        if panel.phases:
-            _send_phases(stream, replay, panel)
-        if has_portrait(panel.machine):
-            send_portrait(stream, panel.machine, indexes)
-        if has_spectrum(panel.machine):
-            send_spectrum(stream, panel.machine, indexes)
-    _send_events(stream, replay, find_events(replay))
+        steps += _panel_steps(stream, replay, panel)
+    for done, step in enumerate(steps):
+        step()
+        stream.flush()  # so that no more than one quantity waits in memory
+        progress(done + 1, len(steps))
+
+
+def _panel_steps(stream: rr.RecordingStream, replay: Replay, panel: Panel) -> list[Callable]:
+    """Return what is to be done to send one machine."""
+    machine, indexes = panel.machine, partial(_indexes, replay)
+    steps = [partial(_send_curve, stream, replay, curve) for curve in panel.curves]
+    steps += [partial(_send_mark, stream, replay, mark) for mark in panel.marks]
+    if panel.cutaway:
+        steps.append(partial(panel.cutaway.send, stream, indexes))
+    if panel.phases:
+        steps.append(partial(_send_phases, stream, replay, panel))
+    if has_portrait(machine):
+        steps.append(partial(send_portrait, stream, machine, indexes))
+    if has_spectrum(machine):
+        steps.append(partial(send_spectrum, stream, machine, indexes))
+    return steps
 
 
 def _entity(machine: Machine, label: str) -> str:

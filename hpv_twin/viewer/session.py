@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import ctypes
 import sys
 import tempfile
 import time
@@ -15,6 +16,7 @@ from hpv_twin.model.vibrator import Vibrator, VibratorError
 from hpv_twin.recording.parts import find_recordings, resolve
 from hpv_twin.recording.summary import RecordingError
 from hpv_twin.viewer import card, layout, reading, scene, viewer_process
+from hpv_twin.viewer.saving import SceneFile
 from hpv_twin.viewer.signals import Replay
 
 FOLDER = Path('bags')
@@ -28,6 +30,7 @@ def run(options: argparse.Namespace) -> int:
     if not options.save:
         viewer_process.check_display()
     replay = _load(path, options)
+    _give_back()
     _tell(replay)
     if options.save:
         _write(replay, vibrator, options.save)
@@ -37,18 +40,27 @@ def run(options: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory(prefix='hpv_twin_') as folder:
         file = Path(folder) / f'{path.stem}.rrd'
         _write(replay, vibrator, file)
+        del replay
+        _give_back()
         viewer_process.show(file)
     return 0
 
 
 def _load(path: Path, options: argparse.Namespace) -> Replay:
     """Read what is to be shown, with a line that tells how far it is."""
-    progress = Progress(path)
-    try:
+    with contextlib.closing(Progress(f'reading {path.name}')) as progress:
         return reading.load(path, options.since, options.until, ambient=options.ambient,
                             progress=progress)
-    finally:
-        progress.end()
+
+
+def _give_back() -> None:
+    """
+    Return freed memory to the system; the viewer needs it.
+
+    Of a long recording the C library keeps hundreds of MB in small pieces otherwise.
+    """
+    with contextlib.suppress(OSError, AttributeError):  # not glibc
+        ctypes.CDLL('libc.so.6').malloc_trim(0)
 
 
 def _newest() -> Path:
@@ -72,29 +84,17 @@ def _tell(replay: Replay) -> None:
 
 
 def _write(replay: Replay, vibrator: Vibrator | None, path: Path) -> None:
-    """
-    Write the scene with its layout to `path`, in whole or not at all. Raises OSError.
-
-    The scene is made in memory: rerun's own file writer waits for ever when the disk is full.
-    """
+    """Write the scene with its layout to `path`, in whole or not at all. Raises OSError."""
     design, problem = _design(replay, vibrator)
     panels = scene.build_panels(replay, design)
-    stream = rr.RecordingStream('hpv_twin', recording_id=replay.path.stem)
-    memory = stream.memory_recording()
-    stream.send_blueprint(layout.build_blueprint(panels, bool(design or problem)))
     cards = {scene.CARD: card.write_card(replay, panels)}
     if design or problem:
         cards[scene.DESIGN] = card.write_design(design, problem)
-    scene.write_scene(stream, replay, panels, cards)
-    draft = path.with_name(f'.{path.name}')
-    try:
-        draft.write_bytes(memory.drain_as_bytes())
-        draft.replace(path)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(path)) from None
-    finally:
-        with contextlib.suppress(OSError):
-            draft.unlink()
+    stream = rr.RecordingStream('hpv_twin', recording_id=replay.path.stem)
+    progress = Progress(f'drawing {replay.path.name}')
+    with SceneFile(stream, path), contextlib.closing(progress):
+        stream.send_blueprint(layout.build_blueprint(panels, scene.DESIGN in cards))
+        scene.write_scene(stream, replay, panels, cards, progress)
 
 
 def _design(replay: Replay, vibrator: Vibrator | None) -> tuple[Vibrator | None, str]:
@@ -108,21 +108,25 @@ def _design(replay: Replay, vibrator: Vibrator | None) -> tuple[Vibrator | None,
 
 
 class Progress:
-    """A line on the terminal while a long file is read; short ones pass in silence."""
+    """A bar on the terminal while long work goes on; what is short passes in silence."""
 
-    def __init__(self, path: Path):
-        self._name = path.name
+    WIDTH = 30  # characters
+
+    def __init__(self, what: str):
+        self._what = what
         self._next = time.monotonic() + 0.5
         self._shown = False
 
-    def __call__(self, done: int, size: int) -> None:
-        """Show that `done` of `size` bytes are read."""
+    def __call__(self, done: float, whole: float) -> None:
+        """Show that `done` of `whole` is done."""
         if sys.stderr.isatty() and time.monotonic() >= self._next:
             self._next, self._shown = time.monotonic() + 0.2, True
-            print(f'\rreading {self._name}: {100 * done // max(size, 1):3d} %', end='',
+            share = min(done / max(whole, 1), 1.0)
+            bar = '#' * round(share * self.WIDTH)
+            print(f'\r{self._what}  [{bar:.<{self.WIDTH}}] {100 * share:3.0f} %\033[K', end='',
                   file=sys.stderr, flush=True)
 
-    def end(self) -> None:
+    def close(self) -> None:
         """Clear the line."""
         if self._shown:
             print('\r\033[K', end='', file=sys.stderr, flush=True)

@@ -133,7 +133,7 @@ def test_every_line_and_every_plot_keeps_extremes(scene):
 
 def test_plots_name_quantity_unit_and_range(scene):
     names = scene.laid_out('display_name')
-    for name in ('Cycles, pressure, gauge [MPa]: dots are opening (white), return (red)',
+    for name in ('Cycles, pressure, gauge [MPa]; dots: opening (white), return (red)',
                  'Cycles, position [mm]', 'Phases of the cyclogram',
                  'Frequency [Hz]: 38.50 to 55.00', 'Stroke [mm]: 2.00',
                  'Pump flow [L/min]: 30.0 to 43.8', 'Preload [mm]: 5.20',
@@ -306,6 +306,39 @@ def test_recordings_of_others(tmp_path):
     assert scene.values('/rig/tank')[1] == pytest.approx(np.full(200, 0.2))
     assert scene.values('/joint_states/lever')[1] == pytest.approx(np.full(200, 0.25))
     assert scene.static('/joint_states/lever', 'SeriesLines:names').endswith('[m or rad]')
+
+
+def test_a_measured_machine_stands_beside_its_twin(tmp_path):
+    path = tmp_path / 'tracked.mcap'
+    times = made.START + np.arange(500, dtype=np.int64) * 1_000_000
+    with made.Recording(path, metadata=made.metadata()) as recording:
+        for now in times:
+            message = FluidPressure(fluid_pressure=7e6 + made.AMBIENT)
+            message.header.stamp = made.stamp(now)
+            recording.write('/hpv_twin/measured/pressure', now, message)
+            message = JointState(name=['plunger'], position=[1e-3])
+            message.header.stamp = made.stamp(now)
+            recording.write('/hpv_twin/measured/plunger_position', now, message)
+        made.write_waveforms(recording, '/hpv_twin', times)
+        for now in times[::18]:
+            recording.write('/hpv_twin/estimate/pump_flow', now, Float64(data=7.0e-4))
+            recording.write('/hpv_twin/estimate/wear', now, Float64(data=0.25))
+            recording.write('/hpv_twin/residual', now, Float64(data=2.0e5))
+    scene = save(path)
+    assert scene.values('/hpv_twin/measured/pressure')[1] == pytest.approx(np.full(500, 7.0))
+    assert scene.static('/hpv_twin/measured/pressure', 'SeriesLines:names') == (
+        'measured, gauge [MPa]')
+    joint = '/hpv_twin/measured/plunger_position/plunger'
+    assert scene.values(joint)[1] == pytest.approx(np.full(500, 1.0))
+    assert scene.static(joint, 'SeriesLines:names') == 'measured plunger [mm]'
+    for entity, value, name in (('estimate/pump_flow', 42.0, 'pump flow, estimated [L/min]'),
+                                ('estimate/wear', 0.25, 'wear, estimated'),
+                                ('residual', 0.2, 'residual [MPa]')):
+        assert np.median(scene.values(f'/hpv_twin/{entity}')[1]) == pytest.approx(value)
+        assert scene.static(f'/hpv_twin/{entity}', 'SeriesLines:names') == name
+    names = scene.laid_out('display_name')
+    assert 'Residual [MPa]: 0.200' in names
+    assert '| samples | 500 at 1000 Hz |' in scene.static('/card', 'TextDocument:text')
 
 
 def test_long_runs_are_shown_by_their_envelope(tmp_path):
