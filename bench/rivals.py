@@ -57,12 +57,13 @@ class Rival:
     """`Rival(vibrator, seconds, rate)` prepares, `run()` is what is timed, `result()` reads it."""
 
     longest = math.inf  # model s worth running; slower ones are timed on less
+    step = STEP  # s, of Euler's method
 
     def __init__(self, vibrator, seconds, rate):
         self.seconds, self.rate = seconds, rate
         self.table = kernel.stage_table(vibrator, vibrator.preload, vibrator.load)
         self.par = kernel.parameters(vibrator)
-        self.steps, self.every = round(seconds / STEP), round(1.0 / (rate * STEP))
+        self.steps, self.every = round(seconds / self.step), round(1.0 / (rate * self.step))
 
     def result(self, found):
         """Read what `run` returned: samples, openings, highest pressures before each of these."""
@@ -142,7 +143,7 @@ class PythonEuler(Rival):
 
     def run(self):
         """Run; returns what `result` reads."""
-        return euler_loop(self.rows, self.constants, self.number(STEP), self.steps, self.every,
+        return euler_loop(self.rows, self.constants, self.number(self.step), self.steps, self.every,
                           self.root)
 
 
@@ -192,7 +193,7 @@ class CEuler(Rival):
         samples = np.empty((self.steps // self.every, 3))
         openings, peaks = np.empty((2, self.room))
         output = COutput(samples.ctypes.data, openings.ctypes.data, peaks.ctypes.data, self.room, 0)
-        self.call(self.design.ctypes, ctypes.c_double(STEP), ctypes.c_long(self.steps),
+        self.call(self.design.ctypes, ctypes.c_double(self.step), ctypes.c_long(self.steps),
                   ctypes.c_long(self.every), ctypes.byref(output))
         return samples, openings[:output.found], peaks[:output.found]
 
@@ -233,7 +234,7 @@ class Package(Rival):
 
     def __init__(self, vibrator, seconds, rate):
         super().__init__(vibrator, seconds, rate)
-        self.simulation = Simulation(vibrator, self.method, STEP)
+        self.simulation = Simulation(vibrator, self.method, self.step)
 
     def run(self):
         """Run; returns what `result` reads."""

@@ -32,6 +32,7 @@ COMMANDS = {
     'validate': Command('hpv_twin.study.validate', "check a design against the paper's results"),
     'optimise': Command('hpv_twin.study.optimise', 'search designs best for several objectives'),
     'sensitivity': Command('hpv_twin.study.sensitivity', 'what each field of a design changes'),
+    'calibrate': Command('hpv_twin.study.calibrate', 'fit a design to the sensors of a machine'),
     'sweep': Command('hpv_twin.study.sweep', 'map what a machine does over flow and preload'),
 }
 
@@ -45,6 +46,7 @@ examples:
   {PROG} replay                                    look at the newest recording
   {PROG} recover damaged.mcap -o whole.mcap
   {PROG} validate --plot validation.png            the model against the paper
+  {PROG} calibrate machine.mcap -o machine.yaml    the design of a machine, by its sensors
   {PROG} sweep --want-frequency 80 --plot map.png  the operating map; settings that give 80 Hz
   {PROG} sensitivity --plot tornado.png            what each field of the design changes
   {PROG} optimise --plot front.png --design b.yaml search the best designs; write one of them
