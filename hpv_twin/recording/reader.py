@@ -15,7 +15,7 @@ from .about import Recording, Topic, attached_design, describe
 from .cdr import JointSignal, PressureSignal, ScalarSignal
 from .files import size_of
 from .parts import find_parts, find_recordings
-from .scan import Scan
+from .scan import Block, Scan
 from .summary import RecordingError
 
 __all__ = ['JointSignal', 'Message', 'PressureSignal', 'Recording', 'RecordingError',
@@ -73,14 +73,10 @@ def read_signals(path: str | os.PathLike, topics: Iterable[str] | None = None,
     pieces, malformed, seen, types = defaultdict(list), defaultdict(int), 0, {}
     for scan, before, total in _scans(path, start, end):
         for block in scan.blocks(start, end):
-            for number, fields_of in _readable(scan, wanted).items():
-                topic = scan.channels[number].topic
-                part = block.only(block.channel == number)
-                groups, bad = cdr.decode(fields_of, part.data, part.start, part.stop)
+            for topic, found, bad in _decoded(scan, block, wanted, seen):
                 malformed[topic] += bad
-                pieces[topic] += [_Piece(_times(group, part.log_time), seen + group.rows, group)
-                                  for group in groups]
-                seen += part.channel.size
+                pieces[topic] += found
+            seen += block.channel.size
             if progress:
                 progress(before + scan.position, total)
         types |= {channel.topic: scan.type_name(number)
@@ -88,6 +84,29 @@ def read_signals(path: str | os.PathLike, topics: Iterable[str] | None = None,
     _refuse_unreadable(path, wanted, types)
     return {topic: _signal(types[topic], pieces[topic], malformed[topic])
             for topic in types if types[topic] in FIELDS and (wanted is None or topic in wanted)}
+
+
+def signals_in(scan: Scan, blocks: Iterable[Block]) -> dict[str, Signal]:
+    """The signals of some blocks of one file, by topic; those without a message are left out."""
+    pieces, malformed, seen = defaultdict(list), defaultdict(int), 0
+    for block in blocks:
+        for topic, found, bad in _decoded(scan, block, None, seen):
+            malformed[topic] += bad
+            pieces[topic] += found
+        seen += block.channel.size
+    types = {channel.topic: scan.type_name(number) for number, channel in scan.channels.items()}
+    return {topic: _signal(types[topic], found, malformed[topic])
+            for topic, found in pieces.items() if found}
+
+
+def _decoded(scan: Scan, block: Block, wanted: set[str] | None,
+             seen: int) -> Iterator[tuple[str, list['_Piece'], int]]:
+    """Topic by topic what a block holds, and how many messages could not be decoded."""
+    for number, fields_of in _readable(scan, wanted).items():
+        part = block.only(block.channel == number)
+        groups, bad = cdr.decode(fields_of, part.data, part.start, part.stop)
+        yield scan.channels[number].topic, [
+            _Piece(_times(group, part.log_time), seen + group.rows, group) for group in groups], bad
 
 
 def _scans(path: str | os.PathLike, start: int | None,

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from hpv_twin.model.vibrator import Vibrator
+from hpv_twin.model.vibrator import Vibrator, VibratorError
 from hpv_twin.viewer import palette
 from hpv_twin.viewer.phases import NAMES, SYMBOLS
 from hpv_twin.viewer.scene import Panel
@@ -30,6 +30,23 @@ def write_card(replay: Replay, panels: list[Panel]) -> str:
         parts += [_table(panel.name, '', rows)
                   for panel, rows in zip(panels, figures, strict=True)]
     return '\n\n'.join(parts) + '\n'
+
+
+def write_live_card(replay: Replay, seconds: float, figures: Rows) -> str:
+    """Return the card of a recording that still grows and has lasted `seconds`."""
+    rows = [row for row in _head(replay) if row[0] not in ('shown', '**missing**')]
+    return _table('Live', replay.path.name,
+                  [*rows, ('recorded so far', f'{seconds:.0f} s'), *figures]) + '\n'
+
+
+def design_of(replay: Replay, vibrator: Vibrator | None) -> tuple[Vibrator | None, str]:
+    """Return the design to show: `vibrator`, or the recorded one; or why that cannot be shown."""
+    if vibrator is not None or replay.design is None:
+        return vibrator, ''
+    try:
+        return Vibrator.load_yaml(replay.design, 'vibrator.yaml in the recording'), ''
+    except VibratorError as error:
+        return None, str(error)
 
 
 def write_design(vibrator: Vibrator | None, problem: str) -> str:

@@ -43,37 +43,40 @@ class Cutaway:
         for name, solid in self.drawing.oil().items():
             _mesh(stream, f'{self.root}/oil/{name}', solid, None)
         _annotate(stream, self.root, self.drawing.labels())
-        self._send_motion(stream, indexes)
-        self._send_oil(stream, indexes)
+        drained = self.colours(np.array([self._drain]))
+        for name in self.drawing.oil():
+            if name == 'C' or 'pressure' not in self._machine.pressures:
+                stream.log(f'{self.root}/oil/{name}',
+                           rr.Mesh3D.from_fields(albedo_factor=drained), static=True)
+        for spring, seat in (('slotted_spring', self.drawing.slotted_right),
+                             ('twisted_spring', self.drawing.cylinder)):
+            stream.log(f'{self.root}/{spring}', rr.Transform3D(translation=[seat, 0.0, 0.0]),
+                       static=True)
+        self.send_motion(stream, indexes, self._machine)
 
-    def _send_motion(self, stream, indexes) -> None:
+    def send_motion(self, stream, indexes, machine: Machine) -> None:
+        """Move what moves, and colour the oil, by what was recorded of `machine`."""
+        self._move(stream, indexes, machine)
+        if 'pressure' in machine.pressures:
+            self._colour(stream, indexes, machine)
+
+    def _move(self, stream, indexes, machine: Machine) -> None:
         """Move plunger and valve sleeve, and press their springs together."""
         drawing = self.drawing
-        for name, spring, seat, length in (
-                ('plunger', 'slotted_spring', drawing.slotted_right, drawing.slotted_length),
-                ('valve_sleeve', 'twisted_spring', drawing.cylinder, drawing.twisted_length)):
-            signal = changes(self._machine.joints[name], RESOLUTION)
+        for name, spring, length in (('plunger', 'slotted_spring', drawing.slotted_length),
+                                     ('valve_sleeve', 'twisted_spring', drawing.twisted_length)):
+            signal = changes(machine.joints[name], RESOLUTION)
             moved = 1e3 * drawing.magnification * signal.values
             stream.send_columns(f'{self.root}/{name}', indexes(signal.time),
                                 rr.Transform3D.columns(translation=_along(moved, 0.0)))
             scale = np.maximum(1.0 - moved / length, 0.05)
-            stream.log(f'{self.root}/{spring}', rr.Transform3D(translation=[seat, 0.0, 0.0]),
-                       static=True)
             stream.send_columns(f'{self.root}/{spring}/coils', indexes(signal.time),
                                 rr.Transform3D.columns(scale=_along(scale, 1.0)))
             stream.flush()
 
-    def _send_oil(self, stream, indexes) -> None:
+    def _colour(self, stream, indexes, machine: Machine) -> None:
         """Colour the oil: B has the pressure of A while the plunger is off its seat."""
-        drained = self.colours(np.array([self._drain]))
-        stream.log(f'{self.root}/oil/C', rr.Mesh3D.from_fields(albedo_factor=drained), static=True)
-        pressure = self._machine.pressures.get('pressure')
-        if pressure is None:
-            for name in ('A', 'B'):
-                stream.log(f'{self.root}/oil/{name}',
-                           rr.Mesh3D.from_fields(albedo_factor=drained), static=True)
-            return
-        plunger = self._machine.joints['plunger']
+        pressure, plunger = machine.pressures['pressure'], machine.joints['plunger']
         lifted = np.interp(pressure.time, plunger.time, plunger.values) > RESOLUTION
         gauge = pressure.values - self._ambient
         for name, values in (('A', gauge), ('B', np.where(lifted, gauge, self._drain))):

@@ -25,7 +25,7 @@ class Event:
 
 def find_events(replay: Replay) -> list[Event]:
     """Return every event of a recording in order of time."""
-    events = _health(replay)
+    events = health(replay, {})
     several = len(replay.machines) > 1
     for machine in replay.machines:
         prefix = f'{machine.name}: ' if several else ''
@@ -37,9 +37,13 @@ def find_events(replay: Replay) -> list[Event]:
     return sorted(events, key=lambda event: event.time)
 
 
-def _health(replay: Replay) -> list[Event]:
-    """Report each diagnostic status when it is first seen and whenever its level changes."""
-    events, levels = [], {}
+def health(replay: Replay, levels: dict[str, int]) -> list[Event]:
+    """
+    Report each diagnostic status when it is first seen and whenever its level changes.
+
+    `levels` is what was known before; it is kept up to date.
+    """
+    events = []
     for status in replay.statuses:
         level = min(max(status.level, 0), 3)
         if levels.get(status.name) == level:
@@ -62,11 +66,16 @@ def _setpoints(replay: Replay, machine: Machine, prefix: str) -> list[Event]:
         before = None
         for time, value in zip(signal.time, signal.values, strict=True):
             if value != before:
-                was = '' if before is None else f' (was {quantity.text(before)})'
-                events.append(Event(int(time), 'INFO',
-                                    f'{prefix}{quantity.label} {quantity.text(value)}{was}'))
+                events.append(setpoint(prefix, quantity, time, value, before))
             before = value
     return events
+
+
+def setpoint(prefix: str, quantity: palette.Quantity, time: int, value: float,
+             before: float | None) -> Event:
+    """Report that a setpoint has become `value`; it was `before`, if that is known."""
+    was = '' if before is None else f' (was {quantity.text(before)})'
+    return Event(int(time), 'INFO', f'{prefix}{quantity.label} {quantity.text(value)}{was}')
 
 
 def _gaps(machine: Machine, prefix: str) -> list[Event]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import rerun.blueprint as rrb
 
 from hpv_twin.viewer import palette, scene
-from hpv_twin.viewer.plots import AHEAD, BEHIND, axis, cycle_view, strip, ticked_axis
+from hpv_twin.viewer.plots import WHOLE, Window, axis, cycle_view, strip, ticked_axis
 from hpv_twin.viewer.portrait import (
     HEIGHT,
     WIDTH,
@@ -24,9 +24,10 @@ PLAYBACK_SPEED = 0.02  # one cycle of 55 Hz lasts about a second
 BACKGROUND = (20, 22, 26)
 
 
-def build_blueprint(panels: list[Panel], has_design: bool = False) -> rrb.Blueprint:
+def build_blueprint(panels: list[Panel], has_design: bool = False,
+                    window: Window = WHOLE) -> rrb.Blueprint:
     """Return the layout of all panels; each has a tab if there are several."""
-    plots = [_machine(panel) for panel in panels]
+    plots = [_machine(panel, window) for panel in panels]
     cards = [rrb.TextDocumentView(name='Recording', contents=[scene.CARD])]
     if has_design:
         cards.append(rrb.TextDocumentView(name='Design', contents=[scene.DESIGN]))
@@ -34,14 +35,20 @@ def build_blueprint(panels: list[Panel], has_design: bool = False) -> rrb.Bluepr
         rrb.Horizontal(plots[0] if len(plots) == 1 else rrb.Tabs(*plots),
                        rrb.Vertical(*cards, row_shares=[10, 12][:len(cards)]),
                        column_shares=[10, 2.6]),
-        rrb.TimePanel(timeline=scene.TIME, playback_speed=PLAYBACK_SPEED, play_state='playing',
-                      loop_mode='all', state='collapsed'),
+        rrb.TimePanel(timeline=scene.TIME, state='collapsed', **_playing(window)),
         collapse_panels=True, auto_views=False)
 
 
-def _machine(panel: Panel) -> rrb.Horizontal:
+def _playing(window: Window) -> dict:
+    """Return how the time cursor moves."""
+    if window.is_live:
+        return {'play_state': 'following', 'playback_speed': 1.0}
+    return {'play_state': 'playing', 'playback_speed': PLAYBACK_SPEED, 'loop_mode': 'all'}
+
+
+def _machine(panel: Panel, window: Window) -> rrb.Horizontal:
     """Return everything of one machine."""
-    views, shares = _over_time(panel)
+    views, shares = _over_time(panel, window)
     return rrb.Horizontal(
         _pictures(panel), rrb.Vertical(*views, row_shares=shares, name='over time'),
         column_shares=[1.0, 1.0] if panel.cutaway else [0.6, 1.0], name=panel.name)
@@ -80,23 +87,25 @@ def _cutaway(panel: Panel) -> rrb.Spatial3DView:
                                        look_target=(centre, 0.0, 0.0), eye_up=(0.0, 1.0, 0.0)))
 
 
-def _over_time(panel: Panel) -> tuple[list, list[float]]:
+def _over_time(panel: Panel, window: Window) -> tuple[list, list[float]]:
     """Return the plots over time and their heights."""
     views = [('pressure, gauge [MPa]', panel.pressures)] if panel.pressures else []
     for unit in dict.fromkeys(curve.quantity.unit for curve in panel.joints):
         views.append((f'position [{unit}]', [c for c in panel.joints if c.quantity.unit == unit]))
-    plots = [cycle_view(f'Cycles, {name}', curves, panel.marks if curves is panel.pressures else [])
+    plots = [cycle_view(f'Cycles, {name}', curves,
+                        panel.marks if curves is panel.pressures else [], window)
              for name, curves in views]
     heights = [2.4] * len(plots)
     if panel.phases:
-        plots.append(_phases(panel))
+        plots.append(_phases(panel, window))
         heights.append(1.0)
-    plots.append(strip(f'Whole run, {views[0][0]}', panel.overview, axis(panel.overview)))
+    title = f'Last {window.long:g} s' if window.is_live else 'Whole run'
+    plots.append(strip(f'{title}, {views[0][0]}', panel.overview, axis(panel.overview), window))
     heights.append(1.5)
-    rows = _rows(panel)
+    rows = _rows(panel, window)
     if panel.estimates:  # no room for both: behind each other
         plots.append(rrb.Tabs(rrb.Vertical(*rows, name='Cycles and setpoints'),
-                              rrb.Vertical(*_strips(panel.estimates), name='Estimates')))
+                              rrb.Vertical(*_strips(panel.estimates, window), name='Estimates')))
         heights.append(1.1 * len(rows))
     else:
         plots += rows
@@ -104,27 +113,27 @@ def _over_time(panel: Panel) -> tuple[list, list[float]]:
     return plots, heights
 
 
-def _rows(panel: Panel) -> list:
+def _rows(panel: Panel, window: Window) -> list:
     """Return the strips of cycle figures, then those of setpoints."""
     figures = [c for c in panel.numbers if c.quantity.label in palette.CYCLE_FIGURES]
-    return _strips(figures) + _strips([c for c in panel.numbers if c not in figures])
+    return _strips(figures, window) + _strips(
+        [c for c in panel.numbers if c not in figures], window)
 
 
-def _strips(curves: list[Curve]) -> list:
+def _strips(curves: list[Curve], window: Window) -> list:
     """Return one strip for each curve, two in a row."""
-    strips = [strip(_capital(curve.quantity.title), [curve], ticked_axis(curve))
+    strips = [strip(_capital(curve.quantity.title), [curve], ticked_axis(curve), window)
               for curve in curves]
     pairs = [strips[at:at + 2] for at in range(0, len(strips), 2)]
     return [rrb.Horizontal(*pair) if len(pair) > 1 else pair[0] for pair in pairs]
 
 
-def _phases(panel: Panel) -> rrb.StateTimelineView:
+def _phases(panel: Panel, window: Window) -> rrb.StateTimelineView:
     """Return the band of the cyclogram, over the same time as the cycles above it."""
-    boundary = rrb.TimeRangeBoundary.cursor_relative
+    start, end = window.around_cursor()
     return rrb.StateTimelineView(
         origin=scene.phases_entity(panel.machine), name='Phases of the cyclogram',
-        time_view=rrb.TimeAxis(view_range=rrb.TimeRange(start=boundary(seconds=-BEHIND),
-                                                        end=boundary(seconds=AHEAD))))
+        time_view=rrb.TimeAxis(view_range=rrb.TimeRange(start=start, end=end)))
 
 
 def _capital(text: str) -> str:

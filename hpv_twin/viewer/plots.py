@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -11,13 +12,37 @@ import rerun.blueprint as rrb
 from hpv_twin.viewer import scene
 from hpv_twin.viewer.scene import Curve
 
-BEHIND, AHEAD = 0.02, 0.08  # s around the cursor: five cycles at 55 Hz
+
+class Window(NamedTuple):
+    """Which part of time plots show: around the cursor (s), and how much (s; None: all of it).
+
+    Of a recording that still grows neither the end nor the highest value is known.
+    """
+
+    behind: float
+    ahead: float
+    long: float | None
+
+    @property
+    def is_live(self) -> bool:
+        """Whether the recording still grows."""
+        return self.long is not None
+
+    def around_cursor(self) -> tuple:
+        """Return the bounds of the single cycles."""
+        boundary = rrb.TimeRangeBoundary.cursor_relative
+        return boundary(seconds=-self.behind), boundary(seconds=self.ahead)
+
+
+WHOLE = Window(0.02, 0.08, None)  # five cycles at 55 Hz
+LIVE = Window(0.1, 0.0, 30.0)
 HEADROOM = 0.08
 LEGEND_ROOM = 0.3  # for each line of a legend but the first
 MOST_STEPS = 4.6  # between numbers on the axis of a strip: closer ones the viewer omits
 
 
-def cycle_view(name: str, curves: list[Curve], marks: list[Curve]) -> rrb.TimeSeriesView:
+def cycle_view(name: str, curves: list[Curve], marks: list[Curve],
+               window: Window) -> rrb.TimeSeriesView:
     """Return a view of the single cycles around the cursor, with marks on them."""
     in_title = marks and all(c.quantity.label.startswith('measured') for c in curves[1:])
     if in_title:  # a legend of so many would cover the curves
@@ -25,20 +50,29 @@ def cycle_view(name: str, curves: list[Curve], marks: list[Curve]) -> rrb.TimeSe
         name += '; dots: ' + ', '.join(mark.quantity.label for mark in marks)
     return rrb.TimeSeriesView(
         name=name, contents=[curve.entity for curve in curves + marks],
-        axis_y=axis(curves[:1] if in_title else curves), plot_legend=_legend(curves, not in_title),
-        defaults=_defaults(),
-        time_ranges=[_around_cursor(timeline) for timeline in (scene.TIME, scene.WALL_CLOCK)])
+        axis_y=None if window.is_live else axis(curves[:1] if in_title else curves),
+        plot_legend=_legend(curves, not in_title), defaults=_defaults(),
+        time_ranges=[_between(timeline, *window.around_cursor())
+                     for timeline in (scene.TIME, scene.WALL_CLOCK)])
 
 
-def strip(name: str, curves: list[Curve], axis_y: rrb.ScalarAxis) -> rrb.TimeSeriesView:
+def strip(name: str, curves: list[Curve], axis_y: rrb.ScalarAxis,
+          window: Window) -> rrb.TimeSeriesView:
     """Return a view of the whole run; its name tells from where to where the values go."""
-    everything = rrb.TimeRange(start=rrb.TimeRangeBoundary.infinite(),
-                               end=rrb.TimeRangeBoundary.infinite())
+    contents = [curve.entity for curve in curves]
+    boundary = rrb.TimeRangeBoundary
+    if window.is_live:
+        bounds = boundary.cursor_relative(seconds=-window.long), boundary.cursor_relative(seconds=0)
+        return rrb.TimeSeriesView(
+            name=name, contents=contents, plot_legend=_legend(curves), defaults=_defaults(),
+            time_ranges=[_between(timeline, *bounds)
+                         for timeline in (scene.TIME, scene.WALL_CLOCK)])
+    everything = rrb.TimeRange(start=boundary.infinite(), end=boundary.infinite())
     return rrb.TimeSeriesView(
-        name=f'{name}: {_extent(curves)}',
-        contents=[curve.entity for curve in curves], axis_y=axis_y, plot_legend=_legend(curves),
+        name=f'{name}: {_extent(curves)}', contents=contents, axis_y=axis_y,
+        plot_legend=_legend(curves), defaults=_defaults(),
         # Without a range, the viewer shows a minute around the cursor.
-        defaults=_defaults(), axis_x=rrb.TimeAxis(view_range=everything))
+        axis_x=rrb.TimeAxis(view_range=everything))
 
 
 def _extent(curves: list[Curve]) -> str:
@@ -56,10 +90,8 @@ def limits(curves: Iterable[Curve]) -> tuple[float, float]:
     return (float(values.min()), float(values.max())) if len(values) else (0.0, 0.0)
 
 
-def _around_cursor(timeline: str) -> rrb.VisibleTimeRange:
-    boundary = rrb.TimeRangeBoundary.cursor_relative
-    return rrb.VisibleTimeRange(timeline, start=boundary(seconds=-BEHIND),
-                                end=boundary(seconds=AHEAD))
+def _between(timeline: str, start, end) -> rrb.VisibleTimeRange:
+    return rrb.VisibleTimeRange(timeline, start=start, end=end)
 
 
 def _defaults() -> list:

@@ -41,28 +41,32 @@ def has_spectrum(machine: Machine) -> bool:
 
 def send_portrait(stream: rr.RecordingStream, machine: Machine, indexes) -> None:
     """Send velocity over position of the plunger: the last second as a line, and where it is."""
+    frame = Frame(machine)
+    frame.send(stream)
+    send_lines(stream, machine, indexes, frame)
+    send_place(stream, machine, indexes, frame)
+
+
+def send_lines(stream: rr.RecordingStream, machine: Machine, indexes, frame: Frame) -> None:
+    """Send the path of each second."""
     position, velocity = machine.joints['plunger'], machine.velocities['plunger']
-    entity = portrait_entity(machine)
-    frame = _Frame(position.values * 1e3, velocity.values)
-    frame.send(stream, entity)
-    points = frame.place(position.values * 1e3, velocity.values)
-    colour = palette.PLUNGER.rgba(0.75)
-    stream.log(f'{entity}/last_second', rr.LineStrips2D.from_fields(
-        colors=colour, radii=rr.components.Radius.ui_points(0.8)), static=True)
     spans = _seconds(position)
     for at in range(0, len(spans), MINUTE):
         part = spans[at:at + MINUTE]
         strips = [frame.place(*_smooth(position.time[begin:end], position.values[begin:end],
                                        velocity.values[begin:end])) for begin, end in part]
-        stream.send_columns(f'{entity}/last_second',
+        stream.send_columns(f'{frame.entity}/last_second',
                             indexes(position.time[[begin for begin, _ in part]]),
                             rr.LineStrips2D.columns(strips=strips))
         stream.flush()  # so that no more than this waits in memory
-    stream.log(f'{entity}/now', rr.Points2D.from_fields(
-        colors=0xFFFFFFFF,
-        radii=rr.components.Radius.ui_points(5.0), draw_order=50.0), static=True)
+
+
+def send_place(stream: rr.RecordingStream, machine: Machine, indexes, frame: Frame) -> None:
+    """Send where the plunger is."""
+    position, velocity = machine.joints['plunger'], machine.velocities['plunger']
+    points = frame.place(position.values * 1e3, velocity.values)
     moved = np.append(True, np.any(np.abs(np.diff(points, axis=0)) > 1e-3, axis=1))
-    stream.send_columns(f'{entity}/now', indexes(position.time[moved]),
+    stream.send_columns(f'{frame.entity}/now', indexes(position.time[moved]),
                         rr.Points2D.columns(positions=points[moved]))
 
 
@@ -91,12 +95,22 @@ def _smooth(time: np.ndarray, y: np.ndarray, v: np.ndarray):
     return 1e3 * np.append(at.ravel(), y[-1]), np.append(speed.ravel(), v[-1])
 
 
-class _Frame:
-    """Axes of the portrait: position (mm) to the right, velocity (m/s) up."""
+class Frame:
+    """Axes of a machine's portrait: position (mm) to the right, velocity (m/s) up."""
 
-    def __init__(self, position: np.ndarray, velocity: np.ndarray):
+    def __init__(self, machine: Machine):
+        self.entity = portrait_entity(machine)
+        position = machine.joints['plunger'].values * 1e3
+        velocity = machine.velocities['plunger'].values
         self._x = _limits(np.nanmin(position), np.nanmax(position))
         self._y = _limits(np.nanmin(velocity), np.nanmax(velocity))
+
+    def holds(self, machine: Machine) -> bool:
+        """Whether what `machine` did lies within."""
+        return all(low <= np.nanmin(values) and np.nanmax(values) <= high
+                   for (low, high, _), values in (
+                       (self._x, machine.joints['plunger'].values * 1e3),
+                       (self._y, machine.velocities['plunger'].values)))
 
     def place(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return points of the view; its y axis points down."""
@@ -104,8 +118,15 @@ class _Frame:
         return np.stack([WIDTH * (x - x0) / (x1 - x0), -HEIGHT * (y - y0) / (y1 - y0)],
                         axis=-1).astype(np.float32)
 
-    def send(self, stream: rr.RecordingStream, entity: str) -> None:
-        """Draw the grid, with a number on each line."""
+    def send(self, stream: rr.RecordingStream) -> None:
+        """Draw the grid, with a number on each line; say how path and place are drawn."""
+        entity = self.entity
+        stream.log(f'{entity}/last_second', rr.LineStrips2D.from_fields(
+            colors=palette.PLUNGER.rgba(0.75), radii=rr.components.Radius.ui_points(0.8)),
+            static=True)
+        stream.log(f'{entity}/now', rr.Points2D.from_fields(
+            colors=0xFFFFFFFF, radii=rr.components.Radius.ui_points(5.0), draw_order=50.0),
+            static=True)
         (x0, x1, dx), (y0, y1, dy) = self._x, self._y
         xs, ys = np.arange(x0, x1 + dx / 2, dx), np.arange(y0, y1 + dy / 2, dy)
         lines = [self.place(np.array([x, x]), np.array([y0, y1])) for x in xs]

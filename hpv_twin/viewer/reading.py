@@ -43,12 +43,8 @@ def load(path: Path, since: float | None = None, until: float | None = None, *,
     last = None if until is None else start + round(until * 1e9)
     machines = _machines(about)
     signals = _read(about, machines, None if since is None else first, last, progress)
-    for topic, signal in signals.items():
-        _place(_owner(machines, topic), topic, signal)
+    place(machines, signals)
     machines = sorted((m for m in machines if m.waveforms), key=lambda machine: machine.name)
-    for machine in machines:  # a twin's own before what was measured
-        machine.pressures = dict(sorted(machine.pressures.items(), key=_is_measured))
-        machine.joints = dict(sorted(machine.joints.items(), key=_is_measured))
     if not machines:
         end = 'the end' if until is None else f'{until:g} s'
         raise RecordingError(f'{path}: nothing was recorded from {since or 0:g} s to {end}; it '
@@ -119,6 +115,15 @@ def _estimates(about: Recording, machines: list[Machine]) -> list[str]:
     return [topic for topic, (kind, _) in about.topics.items() if kind == NUMBER
             and any(m.name and m.owns(topic) and palette.is_estimate(m.below(topic))
                     for m in machines)]
+
+
+def place(machines: list[Machine], signals: dict) -> None:
+    """Give each signal to the machine that owns its topic, a twin's own before measured ones."""
+    for topic, signal in signals.items():
+        _place(_owner(machines, topic), topic, signal)
+    for machine in machines:
+        machine.pressures = dict(sorted(machine.pressures.items(), key=_is_measured))
+        machine.joints = dict(sorted(machine.joints.items(), key=_is_measured))
 
 
 def _place(machine: Machine, topic: str, signal) -> None:

@@ -20,8 +20,10 @@ from hpv_twin.viewer.signals import Machine, Replay, Signal
 
 TIME, WALL_CLOCK = 'time', 'wall_clock'  # s since the start, and UTC
 CARD, DESIGN, EVENTS = '/card', '/design', '/events'
+BINS = 4000  # of a whole run
 CHUNK = 1 << 15  # rows; the viewer seeks by chunk
 PAUSE = 100_000_000  # ns; beyond this a cycle's figure is no longer in force
+PHASE_LABELS = [f'{symbol} {name}' for name, symbol in zip(PHASE_NAMES, SYMBOLS, strict=False)]
 LEVEL_COLOURS = {'INFO': 0xCED4DAFF, 'WARN': 0xFFD43BFF, 'ERROR': 0xFF6B6BFF}
 
 # Without it the viewer draws the mean of what falls on a pixel: 55 Hz would be a flat line.
@@ -70,14 +72,14 @@ def build_panels(replay: Replay, vibrator: Vibrator | None = None) -> list[Panel
 
 def _panel(replay: Replay, machine: Machine, vibrator: Vibrator | None) -> Panel:
     """Return the panel of one machine; it is drawn as the base design if its own is not known."""
-    pressures, joints = _pressures(replay, machine), _joints(machine)
+    pressures, joints = pressure_curves(replay, machine), joint_curves(machine)
     phases = _phases(machine, vibrator)
     cutaway = (Cutaway(machine, vibrator or Vibrator(), replay.ambient)
                if has_cutaway(machine) else None)
     return Panel(
         name=machine.name or 'sensors', pressures=pressures, joints=joints,
         numbers=_numbers(replay, machine), estimates=_estimates(replay, machine),
-        overview=_overview(pressures or joints), marks=_marks(replay, machine, phases),
+        overview=overview(pressures or joints), marks=pressure_marks(replay, machine, phases),
         machine=machine, cutaway=cutaway, phases=phases)
 
 
@@ -89,7 +91,7 @@ def _phases(machine: Machine, vibrator: Vibrator | None) -> Phases | None:
     return find_phases(machine, vibrator.stroke if vibrator else moved) if moved > 0.0 else None
 
 
-def _marks(replay: Replay, machine: Machine, phases: Phases | None) -> list[Curve]:
+def pressure_marks(replay: Replay, machine: Machine, phases: Phases | None) -> list[Curve]:
     """Return the pressures at which the plunger leaves its seat and begins its return."""
     pressure = machine.pressures.get('pressure')
     if phases is None or pressure is None:
@@ -99,19 +101,19 @@ def _marks(replay: Replay, machine: Machine, phases: Phases | None) -> list[Curv
                                  ('return', palette.RETURN, RETURN)):
         time = phases.begins(kind)
         if len(time):
-            marks.append(Curve(f'{_entity(machine, "pressure")}/{name}', quantity,
+            marks.append(Curve(f'{entity_of(machine, "pressure")}/{name}', quantity,
                                Signal(time, pressure_at(pressure, time) - replay.ambient)))
     return marks
 
 
-def _overview(curves: list[Curve]) -> list[Curve]:
+def overview(curves: list[Curve], bins: int = BINS) -> list[Curve]:
     """Return what the whole run shows of waveforms in one unit: their envelopes, darker."""
-    return [replace(curve, entity=f'{curve.entity}/whole_run', signal=envelope(curve.signal),
+    return [replace(curve, entity=f'{curve.entity}/whole_run', signal=envelope(curve.signal, bins),
                     brightness=0.6)
             for curve in curves if curve.quantity.unit == curves[0].quantity.unit]
 
 
-def envelope(signal: Signal, bins: int = 4000) -> Signal:
+def envelope(signal: Signal, bins: int = BINS) -> Signal:
     """
     Return minimum and maximum of each of `bins` stretches, in turn: as a plot, a band.
 
@@ -131,17 +133,17 @@ def envelope(signal: Signal, bins: int = 4000) -> Signal:
                   np.column_stack([low, high]).ravel())
 
 
-def _pressures(replay: Replay, machine: Machine) -> list[Curve]:
+def pressure_curves(replay: Replay, machine: Machine) -> list[Curve]:
     """Return the pressures of a machine, gauge, with a break at each gap."""
-    return [Curve(_entity(machine, label), palette.pressure(label, index),
+    return [Curve(entity_of(machine, label), palette.pressure(label, index),
                   _broken(Signal(signal.time, signal.values - replay.ambient)))
             for index, (label, signal) in enumerate(machine.pressures.items())]
 
 
-def _joints(machine: Machine) -> list[Curve]:
+def joint_curves(machine: Machine) -> list[Curve]:
     """Return the joint positions of a machine, with a break at each gap."""
     # Above the gap plunger and sleeve move as one: the wider line stays visible below the other.
-    return [Curve(_entity(machine, label), palette.joint(label, index), _broken(signal),
+    return [Curve(entity_of(machine, label), palette.joint(label, index), _broken(signal),
                   width=4.0 if label == 'plunger' else 2.0)
             for index, (label, signal) in enumerate(machine.joints.items())]
 
@@ -158,7 +160,7 @@ def _numbers(replay: Replay, machine: Machine) -> list[Curve]:
             signal = machine.numbers[name].in_force(replay.first, replay.last)
             if name == 'load' and not signal.values.any():
                 continue  # the events tell that there is none; a strip of zeros tells nothing
-        curves.append(Curve(_entity(machine, name), quantity, signal, stepped=True))
+        curves.append(Curve(entity_of(machine, name), quantity, signal, stepped=True))
     return curves
 
 
@@ -166,7 +168,7 @@ def _estimates(replay: Replay, machine: Machine) -> list[Curve]:
     """Return what a twin says of the machine that it follows."""
     names = filter(palette.is_estimate, sorted(machine.numbers))
     return [
-        Curve(_entity(machine, name), palette.estimate(name, index),
+        Curve(entity_of(machine, name), palette.estimate(name, index),
               _paused(machine.numbers[name], machine.waveforms[0], replay.last), stepped=True)
         for index, name in enumerate(names)]
 
@@ -180,7 +182,7 @@ def write_scene(stream: rr.RecordingStream, replay: Replay, panels: list[Panel],
     """
     for entity, text in cards.items():
         stream.log(entity, rr.TextDocument(text, media_type='text/markdown'), static=True)
-    steps = [partial(_send_events, stream, replay, find_events(replay))]
+    steps = [partial(send_events, stream, replay, find_events(replay))]
     for panel in panels:
         steps += _panel_steps(stream, replay, panel)
     for done, step in enumerate(steps):
@@ -191,21 +193,22 @@ def write_scene(stream: rr.RecordingStream, replay: Replay, panels: list[Panel],
 
 def _panel_steps(stream: rr.RecordingStream, replay: Replay, panel: Panel) -> list[Callable]:
     """Return what is to be done to send one machine."""
-    machine, indexes = panel.machine, partial(_indexes, replay)
+    machine, columns = panel.machine, partial(indexes, replay)
     steps = [partial(_send_curve, stream, replay, curve) for curve in panel.curves]
     steps += [partial(_send_mark, stream, replay, mark) for mark in panel.marks]
     if panel.cutaway:
-        steps.append(partial(panel.cutaway.send, stream, indexes))
+        steps.append(partial(panel.cutaway.send, stream, columns))
     if panel.phases:
         steps.append(partial(_send_phases, stream, replay, panel))
     if has_portrait(machine):
-        steps.append(partial(send_portrait, stream, machine, indexes))
+        steps.append(partial(send_portrait, stream, machine, columns))
     if has_spectrum(machine):
-        steps.append(partial(send_spectrum, stream, machine, indexes))
+        steps.append(partial(send_spectrum, stream, machine, columns))
     return steps
 
 
-def _entity(machine: Machine, label: str) -> str:
+def entity_of(machine: Machine, label: str) -> str:
+    """Return the entity of one quantity."""
     return f'{machine.name}/{label}'
 
 
@@ -229,7 +232,7 @@ def _paused(figure: Signal, waveform: Signal, last: int) -> Signal:
                   np.append(np.insert(figure.values, at, np.nan), figure.values[-1]))
 
 
-def _indexes(replay: Replay, time: np.ndarray) -> list[rr.TimeColumn]:
+def indexes(replay: Replay, time: np.ndarray) -> list[rr.TimeColumn]:
     """Return both timelines for `time` (int64, ns)."""
     return [rr.TimeColumn(TIME, duration=(time - replay.start).astype('timedelta64[ns]')),
             rr.TimeColumn(WALL_CLOCK, timestamp=time.astype('datetime64[ns]'))]
@@ -242,10 +245,15 @@ def _send_curve(stream: rr.RecordingStream, replay: Replay, curve: Curve) -> Non
         widths=curve.width,
         aggregation_policy=MIN_MAX, interpolation_mode=STEP if curve.stepped else LINE)
     stream.log(curve.entity, style, static=True)
+    send_rows(stream, replay, curve)
+
+
+def send_rows(stream: rr.RecordingStream, replay: Replay, curve: Curve) -> None:
+    """Send the values of a curve or a mark."""
     values = curve.quantity.show(curve.signal.values)
     for begin in range(0, len(values), CHUNK):
         part = slice(begin, begin + CHUNK)
-        stream.send_columns(curve.entity, _indexes(replay, curve.signal.time[part]),
+        stream.send_columns(curve.entity, indexes(replay, curve.signal.time[part]),
                             rr.Scalars.columns(scalars=values[part]))
 
 
@@ -254,8 +262,7 @@ def _send_mark(stream: rr.RecordingStream, replay: Replay, mark: Curve) -> None:
     stream.log(mark.entity, rr.SeriesPoints(
         names=mark.quantity.title, colors=mark.quantity.rgba(), markers='Circle',
         marker_sizes=5.0), static=True)
-    stream.send_columns(mark.entity, _indexes(replay, mark.signal.time),
-                        rr.Scalars.columns(scalars=mark.quantity.show(mark.signal.values)))
+    send_rows(stream, replay, mark)
 
 
 def phases_entity(machine: Machine) -> str:
@@ -265,18 +272,25 @@ def phases_entity(machine: Machine) -> str:
 
 def _send_phases(stream: rr.RecordingStream, replay: Replay, panel: Panel) -> None:
     """Send the phases of the cyclogram; nothing is known in a gap."""
-    entity, phases = phases_entity(panel.machine), panel.phases
-    names = [f'{symbol} {name}' for name, symbol in zip(PHASE_NAMES, SYMBOLS, strict=False)]
-    stream.log(entity, rr.StateConfiguration(
-        values=names, labels=names, colors=np.array(palette.PHASES, dtype=np.uint32)), static=True)
-    stream.send_columns(entity, _indexes(replay, phases.time), rr.StateChange.columns(
-        state=np.array([*names, ''], dtype=object)[phases.kind].tolist()))
+    phases = panel.phases
+    stream.log(phases_entity(panel.machine), rr.StateConfiguration(
+        values=PHASE_LABELS, labels=PHASE_LABELS,
+        colors=np.array(palette.PHASES, dtype=np.uint32)), static=True)
+    send_phase_rows(stream, replay, panel.machine, phases.time, phases.kind)
 
 
-def _send_events(stream: rr.RecordingStream, replay: Replay, events: list[Event]) -> None:
+def send_phase_rows(stream: rr.RecordingStream, replay: Replay, machine: Machine,
+                    time: np.ndarray, kind: np.ndarray) -> None:
+    """Send which phase begins when (ns)."""
+    names = np.array([*PHASE_LABELS, ''], dtype=object)[kind].tolist()
+    stream.send_columns(phases_entity(machine), indexes(replay, time),
+                        rr.StateChange.columns(state=names))
+
+
+def send_events(stream: rr.RecordingStream, replay: Replay, events: list[Event]) -> None:
     """Send the event log; the time is in the text too, the viewer's column for it is narrow."""
     time = np.array([event.time for event in events], dtype=np.int64)
-    stream.send_columns(EVENTS, _indexes(replay, time), rr.TextLog.columns(
+    stream.send_columns(EVENTS, indexes(replay, time), rr.TextLog.columns(
         text=[f'{replay.seconds(event.time):.3f} s: {event.text}' for event in events],
         level=[event.level for event in events],
         color=np.array([LEVEL_COLOURS[event.level] for event in events], dtype=np.uint32)))

@@ -4,6 +4,8 @@ from __future__ import annotations
 import argparse
 import contextlib
 import ctypes
+import statistics
+import subprocess
 import sys
 import tempfile
 import time
@@ -14,21 +16,28 @@ import rerun as rr
 from hpv_twin.designs import load_design
 from hpv_twin.model.vibrator import Vibrator, VibratorError
 from hpv_twin.recording.parts import find_recordings, resolve
+from hpv_twin.recording.reader import describe
 from hpv_twin.recording.summary import RecordingError
 from hpv_twin.viewer import card, layout, reading, scene, viewer_process
+from hpv_twin.viewer.live import Live
+from hpv_twin.viewer.progress import Progress, Status
 from hpv_twin.viewer.saving import SceneFile
 from hpv_twin.viewer.signals import Replay
 
 FOLDER = Path('bags')
+POLL = 0.1  # s
+LIVE_MEMORY = '1GB'  # of the viewer, which drops the oldest then
 Refusal = (RecordingError, VibratorError, viewer_process.ViewerError)
 
 
 def run(options: argparse.Namespace) -> int:
     """Read the recording, build the scene, then save or show it. Raises OSError or a Refusal."""
-    path = resolve(options.file) if options.file else _newest()
     vibrator = load_design(options.vibrator) if options.vibrator else None
-    if not options.save:
+    if not (options.save or options.web):
         viewer_process.check_display()
+    if options.live:
+        return _follow(options, vibrator)
+    path = resolve(options.file) if options.file else _newest()
     replay = _load(path, options)
     _give_back()
     _tell(replay)
@@ -42,8 +51,88 @@ def run(options: argparse.Namespace) -> int:
         _write(replay, vibrator, file)
         del replay
         _give_back()
-        viewer_process.show(file)
+        if options.web:
+            _serve(file)
+        else:
+            viewer_process.show(file)
     return 0
+
+
+def _serve(file: Path) -> None:
+    """Serve a scene to browsers on this machine until Ctrl-C."""
+    port, web_port = viewer_process.free_port(), viewer_process.free_port()
+    with viewer_process.running(*viewer_process.serve_web(file, web_port, port)) as child:
+        viewer_process.wait_for(web_port, child)
+        print(f'open {viewer_process.web_address(web_port, port)} in a browser on this machine; '
+              'Ctrl-C ends', flush=True)
+        child.wait()
+
+
+def _follow(options: argparse.Namespace, vibrator: Vibrator | None) -> int:
+    """Show a recording while it grows, and the next one when it has ended, until Ctrl-C."""
+    port, web_port = viewer_process.free_port(), viewer_process.free_port()
+    arguments = (viewer_process.serve_web(None, web_port, port) if options.web else
+                 ['--port', str(port), '--hide-welcome-screen', '--memory-limit', LIVE_MEMORY])
+    with viewer_process.running(*arguments) as child:
+        viewer_process.wait_for(port, child)
+        if options.web:
+            viewer_process.wait_for(web_port, child)
+            print(f'open {viewer_process.web_address(web_port, port)} in a browser on this '
+                  'machine; Ctrl-C ends', flush=True)
+        shown = None
+        while child.poll() is None and (path := _growing(options.file, shown, child)):
+            _show_live(options, vibrator, path, port, child)
+            shown = path
+            if options.file:
+                break
+        child.wait()
+    return 0
+
+
+def _growing(file: Path | None, shown: Path | None,
+             child: subprocess.Popen) -> Path | None:
+    """Return the recording to follow, as soon as there is one; None when the viewer is closed."""
+    told = False
+    while child.poll() is None:
+        if file and file.exists():
+            return resolve(file)
+        newest = next(iter(find_recordings(FOLDER)), None) if file is None else None
+        if newest and newest != shown and describe(newest).problem:  # not finished
+            return newest
+        if not told:
+            print(f'waiting for {file or f"a recording in {FOLDER.absolute()}"}', flush=True)
+            told = True
+        time.sleep(POLL)
+    return None
+
+
+def _show_live(options: argparse.Namespace, vibrator: Vibrator | None, path: Path, port: int,
+               child: subprocess.Popen) -> None:
+    """Follow one recording to its end, or until the viewer is closed."""
+    stream = rr.RecordingStream('hpv_twin', recording_id=path.stem)
+    stream.connect_grpc(f'rerun+http://{viewer_process.HOST}:{port}/proxy')
+    live = None
+    while child.poll() is None and live is None:
+        try:
+            live = Live(stream, path, vibrator, options.ambient)
+        except RecordingError:
+            time.sleep(POLL)  # nothing is in it yet
+    if live is None:
+        return
+    print(f'{path}: {live.names}, live', flush=True)
+    behind = []  # s, at each update that brought something
+    try:
+        with contextlib.closing(live), contextlib.closing(Status()) as status:
+            while child.poll() is None and not live.finished:
+                if live.update():
+                    behind.append((time.time_ns() - live.last) * 1e-9)
+                    status(f'{path.name}: {behind[-1]:.2f} s behind')
+                time.sleep(POLL)
+    finally:
+        ended = '; the recording has ended' if live.finished else ''
+        late = (f'{statistics.median(behind):.2f} s behind (median; most {max(behind):.2f} s)'
+                if behind else 'nothing new')
+        print(f'{path}: {late}{ended}', flush=True)
 
 
 def _load(path: Path, options: argparse.Namespace) -> Replay:
@@ -85,7 +174,7 @@ def _tell(replay: Replay) -> None:
 
 def _write(replay: Replay, vibrator: Vibrator | None, path: Path) -> None:
     """Write the scene with its layout to `path`, in whole or not at all. Raises OSError."""
-    design, problem = _design(replay, vibrator)
+    design, problem = card.design_of(replay, vibrator)
     panels = scene.build_panels(replay, design)
     cards = {scene.CARD: card.write_card(replay, panels)}
     if design or problem:
@@ -95,38 +184,3 @@ def _write(replay: Replay, vibrator: Vibrator | None, path: Path) -> None:
     with SceneFile(stream, path), contextlib.closing(progress):
         stream.send_blueprint(layout.build_blueprint(panels, scene.DESIGN in cards))
         scene.write_scene(stream, replay, panels, cards, progress)
-
-
-def _design(replay: Replay, vibrator: Vibrator | None) -> tuple[Vibrator | None, str]:
-    """Return the design to show, or why it cannot be shown."""
-    if vibrator is not None or replay.design is None:
-        return vibrator, ''
-    try:
-        return Vibrator.load_yaml(replay.design, 'vibrator.yaml in the recording'), ''
-    except VibratorError as error:
-        return None, str(error)
-
-
-class Progress:
-    """A bar on the terminal while long work goes on; what is short passes in silence."""
-
-    WIDTH = 30  # characters
-
-    def __init__(self, what: str):
-        self._what = what
-        self._next = time.monotonic() + 0.5
-        self._shown = False
-
-    def __call__(self, done: float, whole: float) -> None:
-        """Show that `done` of `whole` is done."""
-        if sys.stderr.isatty() and time.monotonic() >= self._next:
-            self._next, self._shown = time.monotonic() + 0.2, True
-            share = min(done / max(whole, 1), 1.0)
-            bar = '#' * round(share * self.WIDTH)
-            print(f'\r{self._what}  [{bar:.<{self.WIDTH}}] {100 * share:3.0f} %\033[K', end='',
-                  file=sys.stderr, flush=True)
-
-    def close(self) -> None:
-        """Clear the line."""
-        if self._shown:
-            print('\r\033[K', end='', file=sys.stderr, flush=True)

@@ -4,13 +4,18 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import socket
 import subprocess
 import sys
+import time
+from collections.abc import Iterator
 from pathlib import Path
+from urllib.parse import quote
 
 import rerun_cli
 
-PATIENCE = 5.0  # s
+HOST = '127.0.0.1'
+PATIENCE, START_PATIENCE = 5.0, 30.0  # s
 ENDING = tuple(getattr(signal, name) for name in ('SIGTERM', 'SIGHUP') if hasattr(signal, name))
 
 
@@ -49,12 +54,36 @@ def show(path: Path) -> None:
     Ctrl-C, SIGTERM and a closed terminal end the viewer too. Raises OSError if it cannot start,
     ViewerError if it fails.
     """
-    command = [executable(), '--bind', '127.0.0.1', '--port', 'auto', '--hide-welcome-screen',
-               str(path)]
+    with running('--port', 'auto', '--hide-welcome-screen', str(path)) as child:
+        child.wait()
+
+
+def serve_web(path: Path | None, web_port: int, port: int) -> list[str]:
+    """Return the arguments with which the viewer serves a browser on this machine."""
+    return ['--serve-web', '--web-viewer-port', str(web_port), '--port', str(port),
+            *([str(path)] if path else [])]
+
+
+def web_address(web_port: int, port: int) -> str:
+    """Return what to open in a browser."""
+    url = quote(f'rerun+http://{HOST}:{port}/proxy', safe='')
+    return f'http://{HOST}:{web_port}/?url={url}'
+
+
+@contextlib.contextmanager
+def running(*arguments: str) -> Iterator[subprocess.Popen]:
+    """
+    Run the viewer, bound to this machine, within the `with`; then it is ended.
+
+    Ctrl-C, SIGTERM and a closed terminal end the `with` in silence. Raises OSError if the viewer
+    cannot start, ViewerError if it fails.
+    """
     with _signals(ENDING, _interrupt):
-        child = subprocess.Popen(command, env={'RUST_LOG': 'error', **os.environ})
+        child = subprocess.Popen([executable(), '--bind', HOST, *arguments],
+                                 env={'RUST_LOG': 'error', **os.environ})
         try:
-            status = child.wait()
+            yield child
+            status = child.poll()
         except KeyboardInterrupt:
             status = 0
         finally:
@@ -64,6 +93,22 @@ def show(path: Path) -> None:
     if status:
         raise ViewerError(f'the viewer ended with status {status}; with --save OUT.rrd the scene '
                           'can be opened elsewhere')
+
+
+def free_port() -> int:
+    """Return a port of this machine that nobody listens on."""
+    with socket.create_server((HOST, 0)) as server:
+        return server.getsockname()[1]
+
+
+def wait_for(port: int, child: subprocess.Popen) -> None:
+    """Wait until the viewer listens on `port`. Raises ViewerError if it does not."""
+    end = time.monotonic() + START_PATIENCE
+    while child.poll() is None and time.monotonic() < end:
+        with contextlib.suppress(OSError), socket.create_connection((HOST, port), 1.0):
+            return
+        time.sleep(0.05)
+    raise ViewerError(f'the viewer does not answer on {HOST}:{port}')
 
 
 @contextlib.contextmanager
