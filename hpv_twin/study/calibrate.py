@@ -20,6 +20,7 @@ from .verdicts import Verdict, judge, quantities
 
 STRANGE = 0.03  # of the range: what a model of the right machine does not leave unexplained
 PERIOD_MISSED = 1e-3  # relative
+ORDERED = 3.0  # the same for plain noise is 1
 EXAMPLES = f"""\
 examples:
   hpv-twin calibrate machine.mcap -o machine.yaml --plot fit.png
@@ -157,7 +158,7 @@ class Calibration:
             'quantities': {v.name: told(v) for v in self.quantities},
             'correlations': {one: {other: self.fit.correlation(one, other) for other in names
                                    if other != one} for one in names},
-            'residual': {'chi2_per_sample': self.fit.cost,
+            'residual': {'chi2_per_sample': self.fit.cost, 'more_than_noise': self.fit.order,
                          'pressure_rms': self.pressure_rms()}}
 
     def as_text(self) -> str:
@@ -186,6 +187,11 @@ class Calibration:
         if strong:
             lines += ['', 'correlations: ' + ', '.join(strong)]
         lines.append('± is half of the 95 % interval, scaled by the residuals')
+        if self.fit.order > ORDERED:
+            lines.append('CAUTION: what is left is not noise: it stands in the same places of '
+                         f'every cycle, {self.fit.order:.0f} times what noise would. Something '
+                         'that was not free is not as in the starting design; the intervals are '
+                         'widened, and may yet be too narrow.')
         return '\n'.join(lines)
 
     def strong_correlations(self) -> list[str]:

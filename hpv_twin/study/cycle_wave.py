@@ -47,12 +47,11 @@ class CycleWave:
         return (4.0 * self._expected(curve, phase, 0.0) + self._expected(curve, phase - away, 0.0)
                 + self._expected(curve, phase + away, 0.0)) / 6.0
 
-    def pressure_slope(self, phase: np.ndarray) -> np.ndarray:
-        """Pressure's rate of change, Pa/s, at these phases."""
+    def slope(self, curve: np.ndarray, phase: np.ndarray) -> np.ndarray:
+        """Rate of change of `pressure` or `position`, per s, at these phases."""
         since = np.mod(phase, 1.0) * self.period
         at = np.clip(np.searchsorted(self.since, since), 1, len(self.since) - 1)
-        return (self.pressure[at] - self.pressure[at - 1]) / np.maximum(
-            self.since[at] - self.since[at - 1], 1e-9)
+        return (curve[at] - curve[at - 1]) / np.maximum(self.since[at] - self.since[at - 1], 1e-9)
 
 
 def cycle_wave(design: Vibrator, rate: float = RATE) -> CycleWave | None:

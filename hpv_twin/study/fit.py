@@ -23,11 +23,11 @@ CHOICES = ('bulk_modulus', 'flow_coefficient', 'viscous_friction', 'line_damping
 # Offsets of the sensors, and the size of each that counts as one.
 OFFSETS = {'pressure_offset': 1e5, 'position_offset': 1e-4}  # Pa, m
 # Fields that may be 0 are moved in units of these, the others by their logarithm.
-LINEAR = {'viscous_friction': 20.0, 'line_damping': 3e-3, 'load': 100.0}
+LINEAR = {'viscous_friction': 20.0, 'line_damping': 3e-3, 'load': 1000.0}
 # What is thought possible before anything is measured, in those coordinates: so wide that it
 # decides nothing that the data tell, and keeps in place what they do not.
 PRIOR = 2.0
-STEP = 1e-4  # of the derivatives
+STEP = 2e-3  # of the derivatives: well above the wiggles of the interpolated cycle
 PERIOD_FLOOR = 3e-5  # relative: how well a clock and this model can agree at best
 COARSE = 6000  # samples of each sensor for the first, rough fits
 BADNESS = 30.0  # residual, in standard deviations, where the model has no cycle
@@ -131,13 +131,18 @@ class Problem:
 
 @dataclass(frozen=True)
 class Fit:
-    """Where a fit ended: `x`, its `covariance`, the `cost` (chi² per sample) and the `wave`."""
+    """
+    Where a fit ended: `x`, its `covariance`, the `cost` (chi² per sample) and the `wave`.
+
+    `order`: by how much the residuals are more than noise, see `order_of`.
+    """
 
     problem: Problem
     x: np.ndarray
     covariance: np.ndarray
     cost: float
     wave: CycleWave
+    order: float
 
     @property
     def design(self) -> Vibrator:
@@ -205,8 +210,8 @@ def finished(problem: Problem, x) -> Fit:
     wave = problem.wave(x)
     count = len(residuals) - len(problem.names) - 1
     cost = float(residuals[:count] @ residuals[:count]) / max(1, count - len(x))
-    return Fit(problem, x, inverse * max(1.0, order_of(problem, x, wave)) * max(1.0, cost), cost,
-               wave)
+    order = order_of(problem, x, wave)
+    return Fit(problem, x, inverse * max(1.0, order) * max(1.0, cost), cost, wave, order)
 
 
 def order_of(problem: Problem, x, wave: CycleWave) -> float:
@@ -240,17 +245,17 @@ def weighed(problem: Problem, x) -> Problem:
                                         x[len(problem.names):], strict=True):
         left = samples.value - wave.pressure_at(
             samples.phase + shift, samples.clock) - problem.offset('pressure_offset', x)
-        slope = wave.pressure_slope(samples.phase + shift)
+        slope = wave.slope(wave.pressure, samples.phase + shift)
         noise, clock = noises(left, slope)
         pressures.append(Samples(samples.phase, samples.value,
                                  1.0 / np.sqrt(noise ** 2 + (clock * slope) ** 2), clock))
         if position:
-            # The same clock; the plunger is slow enough for it not to show in the noise.
             left = position.value - wave.position_at(
-                position.phase + shift, clock) - problem.offset('position_offset', x)
-            noise = noises(left, np.zeros(len(left)))[0]
+                position.phase + shift, position.clock) - problem.offset('position_offset', x)
+            slope = wave.slope(wave.position, position.phase + shift)
+            noise, own = noises(left, slope)
             position = Samples(position.phase, position.value,
-                               np.full(len(left), 1.0 / noise), clock)
+                               1.0 / np.sqrt(noise ** 2 + (own * slope) ** 2), own)
         positions.append(position)
     return Problem(problem.start, problem.names, pressures, positions, problem.folds)
 

@@ -6,6 +6,9 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
+from .figures import shown_field
+from .fit import OFFSETS
+
 mpl.use('Agg')
 import matplotlib.pyplot as plt
 
@@ -32,12 +35,18 @@ def draw_fit(result, path: Path) -> None:
     panels[-1].set_xlabel('time since the opening [ms]')
     panels[0].set_title(
         f'{result.sources}: {1.0 / result.folds[0].period:.3f} Hz, '
-        f'{sum(one.cycles for one in result.folds)} cycles over one another\n' + ', '.join(
-            f'{v.name.replace("_", " ")} {v.value:.4g} ± {v.half:.1g} {v.unit}'
-            for v in result.verdicts if v.identified and not v.name.endswith('offset')),
+        f'{sum(one.cycles for one in result.folds)} cycles over one another\n' + ',  '.join(
+            in_words(v) for v in result.verdicts if v.identified and v.name not in OFFSETS),
         fontsize=10, wrap=True)
     figure.savefig(path, dpi=100)
     plt.close(figure)
+
+
+def in_words(verdict) -> str:
+    """A parameter with its interval, in a person's unit."""
+    scale = shown_field(verdict.name)
+    return (f'{verdict.name.replace("_", " ")} {scale.factor * verdict.value:.4g} ± '
+            f'{scale.text(verdict.half, 2)}')
 
 
 def draw_sensor(panels, fitted, samples, model, offset, how) -> None:
@@ -54,7 +63,7 @@ def draw_sensor(panels, fitted, samples, model, offset, how) -> None:
     upper.set_ylabel(label)
     upper.legend(loc='upper right')
     upper.grid(alpha=0.3)
-    left = samples.value - offset - model(samples.phase + shift)
+    left = samples.value - offset - model(samples.phase + shift, samples.clock)
     lower.plot(period * phase[some], left[some] * factor, '.', ms=2, color=MEASURED)
     bins = np.floor(phase * BINS).astype(int)
     count = np.bincount(bins, minlength=BINS)

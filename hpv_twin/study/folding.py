@@ -90,7 +90,7 @@ def refuse_other_units(measured: Measured, low: float, high: float) -> None:
         if low < -0.5 * span:
             raise CalibrationError(f'{measured.name}: pressures down to {low * 1e-6:.3g} MPa gauge '
                                    'are none: is the sensor the wrong way round?')
-        if low < -1.2e5 or high < 0.0:
+        if low < -2.5e5 or high < 0.0:
             raise CalibrationError(
                 f'{measured.name}: gauge pressure falls to {low * 1e-6:.3f} MPa, below the vacuum: '
                 'the recording holds gauge pressure already? then --gauge')

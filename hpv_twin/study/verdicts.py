@@ -10,7 +10,7 @@ import numpy as np
 from hpv_twin.model import Vibrator
 from hpv_twin.model.designs import FIELDS
 
-from .fit import LINEAR, OFFSETS, Fit, field_value
+from .fit import LINEAR, OFFSETS, STEP, Fit, field_value
 
 INTERVAL = 1.96  # standard deviations of a 95 % interval
 LOOSE = 0.2  # half an interval beyond this share of the value is no knowledge of it
@@ -155,9 +155,9 @@ def quantities(fit: Fit) -> list[Verdict]:
         slope = np.zeros(len(fit.x))
         for k in range(len(fit.problem.names)):
             away = np.zeros(len(fit.x))
-            away[k] = 1e-4
+            away[k] = STEP
             slope[k] = (of(fit.problem.design(fit.x + away))
-                        - of(fit.problem.design(fit.x - away))) / 2e-4
+                        - of(fit.problem.design(fit.x - away))) / (2.0 * STEP)
         sigma = math.sqrt(max(0.0, float(slope @ fit.covariance @ slope)))
         told.append(Verdict(name, unit, of(fit.design), INTERVAL * sigma, True, formula))
     return told
