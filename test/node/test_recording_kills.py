@@ -13,6 +13,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from hpv_twin.recording.reader import describe
 from hpv_twin.recording.recover import main as recover
+from hpv_twin.recording.summary import RecordingError
 
 MOST_LOST = 500_000_000  # ns
 
@@ -28,11 +29,19 @@ def rerun_check(path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def has_begun(twin):
+    """Whether the first messages are in a file; for an instant it is there and empty."""
+    try:
+        return bool(twin.recordings and describe(twin.recordings[0]).messages)
+    except RecordingError:
+        return False
+
+
 def killed(start_twin, seconds, *parameters):
     """Kill a twin so many seconds after its recording began; what was lost, ns."""
     twin = start_twin(*parameters)
     end = time.monotonic() + 60.0
-    while not (twin.recordings and describe(twin.recordings[0]).messages):
+    while not has_begun(twin):
         assert time.monotonic() < end, twin.log
         time.sleep(0.02)
     time.sleep(seconds)

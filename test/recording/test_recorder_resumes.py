@@ -81,6 +81,40 @@ def test_a_write_fails_once_for_every_n(tmp_path, monkeypatch, fault):
     assert resumed >= 5
 
 
+def test_the_folder_vanishes_at_a_write_for_every_n(tmp_path, monkeypatch):
+    directory = tmp_path / 'bags'
+    write, vanished = files.os.write, 0
+    for n in itertools.count(1):
+        calls = 0
+
+        def write_and_vanish(fd, data):
+            nonlocal calls
+            calls += 1
+            if calls == n:  # noqa: B023 this very round
+                shutil.rmtree(directory)
+            return write(fd, data)
+        with monkeypatch.context() as patch:
+            patch.setattr(files.os, 'write', write_and_vanish)
+            recording = tools.recorder(directory, flush_interval=0.0)
+            recording.start([(tools.FLOW, tools.START, tools.scalar(7.3e-4))])
+            record_slowly(recording, 30)
+            tools.wait_until(lambda: recording.status.recording  # noqa: B023 this very round
+                             and recording.status.file.exists())  # noqa: B023
+            record_slowly(recording, 30, 1000)
+            last = recording.stop()
+        if calls < n:
+            break
+        vanished += 1
+        if last is None:  # at the very last writes
+            assert recording.status.error, n
+            continue
+        about = describe(last)
+        assert about.complete and about.topics[tools.TOPICS[tools.FLOW]].count == 1
+        assert about.messages + recording.status.dropped >= 61, n
+        shutil.rmtree(directory)
+    assert vanished >= 5
+
+
 def test_a_folder_that_vanishes_is_made_anew(tmp_path):
     log = tools.Log()
     recording = tools.recorder(tmp_path / 'bags', flush_interval=0.01, log=log)
