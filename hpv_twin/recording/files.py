@@ -79,6 +79,14 @@ def create(directory: Path, name: str, now: datetime | None = None) -> DataFile:
             now += timedelta(milliseconds=1)
 
 
+def make_directory(directory: Path, fsync: bool = False) -> None:
+    """Make a folder and those above it; with `fsync` wait until they are on the disk itself."""
+    missing = [folder for folder in (directory, *directory.parents) if not folder.exists()]
+    directory.mkdir(parents=True, exist_ok=True)
+    for folder in missing if fsync else ():
+        sync_directory(folder.parent)
+
+
 def sync_directory(directory: Path) -> None:
     """Wait until the names in `directory` are on the disk itself. Raises OSError."""
     fd = os.open(directory, os.O_RDONLY | os.O_CLOEXEC)

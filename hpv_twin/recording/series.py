@@ -250,6 +250,8 @@ class Series:
         try:
             folder.mkdir()
             first.rename(folder / first.name)
+            for place in (folder, folder.parent) if self._settings.fsync else ():
+                files.sync_directory(place)
         except OSError as error:
             self._settings.log('warning', f'the parts of {first} stay side by side: {error}')
             return

@@ -16,7 +16,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from .files import readable_size
+from .files import make_directory, readable_size
 from .series import Series, Settings
 
 BATCH = 20  # messages taken at a time: about 0.1 ms of the interpreter; a flush takes more
@@ -177,7 +177,7 @@ class Session(threading.Thread):
         """Open a file if the disk lets us; `error` says why not."""
         before, opening = self.error, self._opening
         try:
-            self._settings.directory.mkdir(parents=True, exist_ok=True)
+            make_directory(self._settings.directory, self._settings.fsync)
             if self._space_is_short(1.0 if self.series.segment is None else RESUMING):
                 raise OSError(errno.ENOSPC, self.error, str(self._settings.directory))
             self.series.open(opening, before)
