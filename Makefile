@@ -23,7 +23,7 @@ endif
 .SILENT:
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help twin setpoint given replay test test-long coverage colcon lint bench soak lock clean
+.PHONY: help twin setpoint given replay pictures test test-long coverage colcon lint bench soak lock clean
 
 help: ## this list
 	printf 'hpv_twin: a real-time digital twin of a hydropulse vibrator\n\n'
@@ -45,6 +45,9 @@ given:
 
 replay: $(installed)-viewer ## see the newest recording in rerun; FILE=bags/example.mcap names one
 	exec $(py) -m hpv_twin replay $(if $(FILE),'$(FILE)') $(ARGS)
+
+pictures: $(installed)-viewer ## draw docs/images anew from bags/example.mcap; needs a Vulkan driver, no screen
+	$(py) docs/images/draw.py
 
 test: lint ## ruff and the tests; ARGS='-k recover' chooses among them
 	$(py) -m pytest $(ARGS)

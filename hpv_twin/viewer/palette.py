@@ -41,7 +41,7 @@ VALVE_SLEEVE = Quantity('valve sleeve', 'mm', 1e3, 0xF06595, 3)
 PUMP_FLOW = Quantity('pump flow', 'L/min', 6e4, 0x69DB7C, 1)
 PRELOAD = Quantity('preload', 'mm', 1e3, 0xB197FC, 2)
 LOAD = Quantity('load', 'N', 1.0, 0xC0EB75, 0)
-OPENING = Quantity('opening (white)', 'MPa', 1e-6, 0xF8F9FA, 2)
+OPENING = Quantity('opening (green)', 'MPa', 1e-6, 0x12B886, 2)
 RETURN = Quantity('return (red)', 'MPa', 1e-6, 0xFF6B6B, 2)
 FREQUENCY = Quantity('frequency', 'Hz', 1.0, 0xFFE066, 2)
 STROKE = Quantity('stroke', 'mm', 1e3, 0x66D9E8, 2)
@@ -52,7 +52,7 @@ CYCLE_FIGURES = ('frequency', 'stroke')
 JOINTS = {'plunger': PLUNGER, 'valve_sleeve': VALVE_SLEEVE}
 # Of the cyclogram: build-up, forward, dwell, return.
 PHASES = (0x5C677DFF, 0x3B8FD6FF, 0xC98A1BFF, 0xD95757FF)
-MEASURED = 0xFFFFFF  # a machine's waveform beside the model's
+MEASURED = 0xADB5BD  # a machine's waveform beside the model's
 OTHERS = (0xE599F7, 0xA5D8FF, 0xFFD8A8, 0xB2F2BB, 0xFCC2D7)
 
 

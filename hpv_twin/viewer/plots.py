@@ -46,7 +46,7 @@ def cycle_view(name: str, curves: list[Curve], marks: list[Curve],
     """Return a view of the single cycles around the cursor, with marks on them."""
     in_title = marks and all(c.quantity.label.startswith('measured') for c in curves[1:])
     if in_title:  # a legend of so many would cover the curves
-        name += ''.join(f', {curve.quantity.label.split(",")[0]} (white)' for curve in curves[1:])
+        name += ''.join(f', {curve.quantity.label.split(",")[0]} (grey)' for curve in curves[1:])
         name += '; dots: ' + ', '.join(mark.quantity.label for mark in marks)
     return rrb.TimeSeriesView(
         name=name, contents=[curve.entity for curve in curves + marks],

@@ -24,7 +24,7 @@ BINS = 4000  # of a whole run
 CHUNK = 1 << 15  # rows; the viewer seeks by chunk
 PAUSE = 100_000_000  # ns; beyond this a cycle's figure is no longer in force
 PHASE_LABELS = [f'{symbol} {name}' for name, symbol in zip(PHASE_NAMES, SYMBOLS, strict=False)]
-LEVEL_COLOURS = {'INFO': 0xCED4DAFF, 'WARN': 0xFFD43BFF, 'ERROR': 0xFF6B6BFF}
+LEVEL_COLOURS = {'INFO': 0x909AA3FF, 'WARN': 0xF59F00FF, 'ERROR': 0xF03E3EFF}  # on dark and light
 
 # Without it the viewer draws the mean of what falls on a pixel: 55 Hz would be a flat line.
 MIN_MAX = rr.components.AggregationPolicy.MinMax

@@ -133,7 +133,7 @@ def test_every_line_and_every_plot_keeps_extremes(scene):
 
 def test_plots_name_quantity_unit_and_range(scene):
     names = scene.laid_out('display_name')
-    for name in ('Cycles, pressure, gauge [MPa]; dots: opening (white), return (red)',
+    for name in ('Cycles, pressure, gauge [MPa]; dots: opening (green), return (red)',
                  'Cycles, position [mm]', 'Phases of the cyclogram',
                  'Frequency [Hz]: 38.50 to 55.00', 'Stroke [mm]: 2.00',
                  'Pump flow [L/min]: 30.0 to 43.8', 'Preload [mm]: 5.20',
