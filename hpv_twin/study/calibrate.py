@@ -13,10 +13,13 @@ from hpv_twin import __version__
 from hpv_twin.designs import HELP, METAVAR, load_design
 from hpv_twin.model import Vibrator, VibratorError
 
-from .fit import CHOICES, FREE, OFFSETS, Fit, Problem, first_guesses, first_samples, fit
+from .fit import CHOICES, FREE, OFFSETS, Fit, Problem, fit
 from .folding import Fold, fold, same_machine
+from .guesses import first_guesses
 from .measured import AMBIENT, CalibrationError, Measured, RecordingError, read_measured
+from .samples import first_samples
 from .verdicts import Verdict, judge, quantities
+from .weighing import left_of
 
 STRANGE = 0.03  # of the range: what a model of the right machine does not leave unexplained
 PERIOD_MISSED = 1e-3  # relative
@@ -220,10 +223,7 @@ def told(verdict: Verdict) -> dict:
 
 def residual_of(fitted: Fit, k: int) -> np.ndarray:
     """Measured minus model of one recording's pressure, Pa."""
-    samples = fitted.problem.pressures[k]
-    shift = fitted.x[len(fitted.problem.names) + k]
-    return (samples.value - fitted.wave.pressure_at(samples.phase + shift, samples.clock)
-            - fitted.problem.offset('pressure_offset', fitted.x))
+    return left_of(fitted.problem, fitted.x, k, fitted.wave)[0]
 
 
 def calibrate(recordings: list[Measured], start: Vibrator,
@@ -239,7 +239,7 @@ def calibrate(recordings: list[Measured], start: Vibrator,
     guesses = first_guesses(start, free, recordings[0], folds[0])
     # Every recording begins at a fall of its own: the phase is the same.
     starts = [np.append(guess, [guess[-1]] * (len(recordings) - 1)) for guess in guesses]
-    with tqdm(desc='fitting', total=len(starts) + 5, file=sys.stderr, disable=None,
+    with tqdm(desc='fitting', total=len(starts) + 4, file=sys.stderr, disable=None,
               delay=0.5) as bar:
         fitted = fit(problem, starts, bar.update)
         if fitted is None:
@@ -256,7 +256,8 @@ def refit(fitted: Fit, names: tuple[str, ...]) -> Fit | None:
     before = fitted.problem
     kept = [before.names.index(name) for name in names]
     x = np.concatenate([fitted.x[kept], fitted.x[len(before.names):]])
-    problem = Problem(before.start, names, before.pressures, before.positions, before.folds)
+    problem = Problem(before.start, names, before.pressures, before.positions, before.folds,
+                      before.period)
     return fit(problem, [x], rounds=1)
 
 

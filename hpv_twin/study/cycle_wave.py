@@ -72,13 +72,15 @@ def cycle_wave(design: Vibrator, rate: float = RATE) -> CycleWave | None:
     except ModelError:
         return None
     first, second = openings(trace)[:2]
-    here = slice(np.searchsorted(trace.time, first['time'], side='right'),
-                 np.searchsorted(trace.time, second['time']))
-    period = float(second['time'] - first['time'])
-    return CycleWave(
-        np.concatenate(([0.0], trace.time[here] - first['time'], [period])),
-        np.concatenate(([first['pressure']], trace.pressure[here], [second['pressure']])),
-        np.concatenate(([0.0], trace.plunger_position[here], [0.0])), period)
+    start, end = first['time'], second['time']
+    inside = (trace.time > start) & (trace.time < end)
+    # The curves bend sharply at switches: these stand among the samples.
+    bends = trace.switches[(trace.switches['time'] >= start) & (trace.switches['time'] <= end)]
+    since, order = np.unique(np.concatenate([bends['time'], trace.time[inside]]) - start,
+                             return_index=True)
+    pressure, position = (np.concatenate([bends[name], getattr(trace, name)[inside]])[order]
+                          for name in ('pressure', 'plunger_position'))
+    return CycleWave(since, pressure, position, float(end - start))
 
 
 def openings(trace):
