@@ -36,6 +36,7 @@ INK, CRITICAL, WANTED, BASE = '#212529', '#c92a2a', '#7048e8', '#e8590c'
 LEVELS = (5, 10, 15, 20, 30, 40, 55, 80, 100, 125, 150, 175, 200, 250, 300, 400)  # Hz
 PANELS = ('stroke', 'peak_pressure', 'return_pressure', 'impact_energy', 'impact_power',
           'efficiency')
+DRAWN = ('frequency', 'regime', *PANELS)  # the columns of a map that its picture shows
 HALO = (patheffects.withStroke(linewidth=2.5, foreground='white'),)
 
 

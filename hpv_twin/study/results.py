@@ -3,13 +3,16 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 MARK = '# hpv_twin '
+BLOCK = 20_000  # rows read at a time
 TEXT = ('regime',)  # columns that are no numbers
 
 
@@ -64,20 +67,30 @@ class Results:
             file.write(text.getvalue())
         self.rows += len(columns[0])
 
-    def finish(self) -> dict:
-        """Return all columns of the complete file; Parquet is written now."""
-        if self._complete:
-            import pyarrow.parquet
-            table = pyarrow.parquet.read_table(self.path)
-            return {name: table[name].to_numpy(zero_copy_only=False) for name in self.columns}
-        columns = read_columns(self._working)
-        if self.is_parquet:
-            import pyarrow
-            import pyarrow.parquet
-            table = pyarrow.table(columns).replace_schema_metadata({'hpv_twin': self._header})
-            pyarrow.parquet.write_table(table, self.path)
-            os.unlink(self._working)
-        return columns
+    def blocks(self) -> Iterator[dict[str, np.ndarray]]:
+        """Read the rows that are there, at most BLOCK of them at a time."""
+        if not self._complete:
+            yield from read_blocks(self._working)
+            return
+        import pyarrow.parquet
+        for batch in pyarrow.parquet.ParquetFile(self.path).iter_batches(BLOCK):
+            yield {name: batch[name].to_numpy(zero_copy_only=False) for name in self.columns}
+
+    def finish(self) -> None:
+        """Say that all rows are there: Parquet is written now, a block at a time."""
+        if not self.is_parquet or self._complete:
+            return
+        import pyarrow
+        import pyarrow.parquet
+        schema = pyarrow.schema(
+            [(name, pyarrow.string() if name in TEXT else pyarrow.float64())
+             for name in self.columns], {'hpv_twin': self._header})
+        writing = self.path.with_name(f'{self.path.name}.writing')
+        with pyarrow.parquet.ParquetWriter(writing, schema) as file:
+            for block in self.blocks():
+                file.write_table(pyarrow.table(block, schema))
+        os.replace(writing, self.path)
+        os.unlink(self._working)
 
     def _parquet_header(self):
         import pyarrow.parquet
@@ -140,10 +153,21 @@ def whole_rows(path) -> int:
 
 def read_columns(path) -> dict[str, np.ndarray]:
     """Read the columns of a results file: numbers as floats, regimes as text."""
+    blocks = list(read_blocks(path))
+    return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+
+
+def read_blocks(path) -> Iterator[dict[str, np.ndarray]]:
+    """Read a results file some BLOCK rows at a time; one without rows is one empty block."""
     with open(path, encoding='utf-8', newline='') as file:
         file.readline()
         rows = csv.reader(file)
         names = next(rows)
-        columns = list(zip(*rows, strict=True)) or [()] * len(names)
-    return {name: np.array(values) if name in TEXT else np.array(values, dtype=float)
-            for name, values in zip(names, columns, strict=True)}
+        some = list(itertools.islice(rows, BLOCK))
+        while True:
+            columns = list(zip(*some, strict=True)) or [()] * len(names)
+            yield {name: np.array(values, dtype=str if name in TEXT else float)
+                   for name, values in zip(names, columns, strict=True)}
+            some = list(itertools.islice(rows, BLOCK))
+            if not some:
+                return

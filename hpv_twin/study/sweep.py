@@ -7,19 +7,17 @@ import dataclasses
 import sys
 from pathlib import Path
 
-import numpy as np
 from tqdm import tqdm
 
 from hpv_twin import __version__
 from hpv_twin.designs import HELP, METAVAR, load_design
 from hpv_twin.model import VibratorError
 from hpv_twin.model.batch import CYCLES, FIGURES
-from hpv_twin.model.regimes import OSCILLATING, SEATED
 
 from .farm import Farm
-from .figures import shown, shown_field
 from .grid import RANGE_HELP, Grid, add_field_options, read_settings
 from .results import Results, StudyFileError
+from .tally import Tally
 
 EXAMPLES = """\
 examples:
@@ -36,7 +34,6 @@ each figure is. Exit status 0, 2 for arguments that make no study, 130 when inte
 USAGE = """hpv-twin sweep [--pump-flow LO:HI:N] [--preload LO:HI:N] [--FIELD LO:HI:N]
        [-o CSV] [--plot PNG] [--want-frequency HZ] [--vibrator DESIGN] [--cycles N]
        [--threads N] [--dask ADDRESS]"""
-SAFE_PRESSURE = 40e6  # Pa gauge; above it the twin warns
 
 
 def add_common_options(parser: argparse.ArgumentParser) -> None:
@@ -78,14 +75,18 @@ def sweep(arguments) -> int:
     if arguments.want_frequency is not None and not arguments.want_frequency > 0.0:
         raise VibratorError('--want-frequency must be above 0 Hz')
     grid = Grid(load_design(arguments.vibrator), read_settings(arguments))
+    keep = ()
+    if arguments.want_frequency is not None:
+        keep = (grid.x.column, grid.y.column, 'frequency', 'regime')
     if arguments.plot:
         from . import map_picture  # what is missing is missed now, not after the work
+        keep = tuple(dict.fromkeys((*keep, *map_picture.DRAWN)))
     with Farm(arguments.threads, arguments.dask, arguments.cycles) as farm:
-        columns = work_through(grid, farm, arguments.output)
-        if columns is None:
+        tally = work_through(grid, farm, arguments.output, keep)
+        if tally is None:
             return 130
-        print(summary(grid, columns))
-        found = None
+        print(tally.text())
+        columns, found = tally.columns(), None
         if arguments.want_frequency is not None:
             from .want import report, settings_for
             found = settings_for(grid, columns, arguments.want_frequency, farm)
@@ -103,14 +104,17 @@ def study_of(grid: Grid, cycles: int) -> dict:
             'design': dataclasses.asdict(grid.base)}
 
 
-def work_through(grid: Grid, farm: Farm, output: Path | None) -> dict | None:
-    """Return the columns of the whole map, or None when it was interrupted."""
+def work_through(grid: Grid, farm: Farm, output: Path | None,
+                 keep: tuple[str, ...] = ()) -> Tally | None:
+    """Return what the whole map shows, with the columns to keep; None when it was interrupted."""
     names = [grid.x.column, grid.y.column, *FIGURES, 'regime']
     results = Results(output, study_of(grid, farm.cycles), names) if output else None
+    tally = Tally(grid, keep)
     start = results.rows if results else 0
     if start:
         print(f'{output}: {start} of {len(grid)} designs are there', file=sys.stderr)
-    blocks = []
+        for block in results.blocks():
+            tally.take_in(block)
     try:
         with tqdm(total=len(grid), initial=start, unit=' designs', smoothing=0.1, file=sys.stderr,
                   disable=None) as bar:
@@ -118,8 +122,7 @@ def work_through(grid: Grid, farm: Farm, output: Path | None) -> dict | None:
                 block = with_fields(grid, start, done, figures)
                 if results:
                     results.append(block)
-                else:
-                    blocks.append(block)
+                tally.take_in(block)
                 bar.update(done - start)
                 start = done
     except KeyboardInterrupt:
@@ -128,47 +131,15 @@ def work_through(grid: Grid, farm: Farm, output: Path | None) -> dict | None:
         print(f'\nstopped: {start} of {len(grid)} designs {kept}', file=sys.stderr)
         return None
     if results:
-        columns = results.finish()
+        results.finish()
         print(f'written: {output}, {len(grid)} designs', file=sys.stderr)
-        return columns
-    return {name: np.concatenate([block[name] for block in blocks]) for name in names}
+    return tally
 
 
 def with_fields(grid: Grid, start: int, stop: int, figures: dict) -> dict:
     """Put the two fields of the map beside the figures."""
     designs = grid.designs(start, stop)
     return {axis.column: getattr(designs, axis.name) for axis in (grid.x, grid.y)} | figures
-
-
-def summary(grid: Grid, columns: dict) -> str:
-    """What the map shows, in some lines."""
-    regimes, counts = np.unique(columns['regime'], return_counts=True)
-    x, y = shown_field(grid.x.name), shown_field(grid.y.name)
-    lines = [f'{len(grid)} designs: {grid.x.count} of {x.label}, {x.text(grid.x.low)} to '
-             f'{x.text(grid.x.high)}; {grid.y.count} of {y.label}, {y.text(grid.y.low)} to '
-             f'{y.text(grid.y.high)}', '']
-    for regime, count in sorted(zip(regimes, counts, strict=True), key=lambda pair: -pair[1]):
-        line = f'{regime:22}{count:8d}  {100.0 * count / len(grid):5.1f} %'
-        if regime in OSCILLATING:
-            frequency = columns['frequency'][columns['regime'] == regime]
-            line += f'   {frequency.min():.4g} to {frequency.max():.4g} Hz'
-        lines.append(line)
-    seated = columns['regime'] == SEATED
-    for name in ('peak_pressure', 'impact_energy', 'impact_power', 'efficiency'):
-        if seated.any():
-            best = np.flatnonzero(seated)[np.argmax(columns[name][seated])]
-            lines.append(f'highest {shown(name).label}, seated: '
-                         f'{shown(name).text(columns[name][best])} at '
-                         f'{x.text(columns[grid.x.column][best])}, '
-                         f'{y.text(columns[grid.y.column][best])}')
-    over = np.nansum(columns['peak_pressure'] > SAFE_PRESSURE)
-    if over:
-        lines.append(f'{over} designs go above {SAFE_PRESSURE * 1e-6:g} MPa gauge: the model has '
-                     'no relief valve')
-    unsettled = np.nansum(columns['settled'] == 0.0)
-    if unsettled:
-        lines.append(f'{unsettled} designs had not settled when they were measured')
-    return '\n'.join(lines)
 
 
 if __name__ == '__main__':

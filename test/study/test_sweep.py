@@ -87,6 +87,25 @@ def test_parquet_holds_the_same(tmp_path):
     assert sweep.main([*SMALL, '-o', str(tmp_path / 'map.parquet')]) == 0
 
 
+def test_blocks_one_after_the_other_are_the_whole(tmp_path, capsys, monkeypatch):
+    path, parquet = tmp_path / 'map.csv', tmp_path / 'map.parquet'
+    assert sweep.main([*SMALL, '-o', str(path)]) == 0
+    said = capsys.readouterr().out
+    whole = results.read_columns(path)
+    monkeypatch.setattr(results, 'BLOCK', 25)
+    blocks = list(results.read_blocks(path))
+    assert [len(block['regime']) for block in blocks] == [25, 25, 25, 25, 8]
+    for name, values in results.read_columns(path).items():
+        assert (values == whole[name]).all() or np.array_equal(values, whole[name], equal_nan=True)
+    # What is told of a map that is there already is what was told of it when it was made.
+    assert sweep.main([*SMALL, '-o', str(path)]) == 0
+    assert capsys.readouterr().out == said
+    pytest.importorskip('pyarrow')
+    for _ in range(2):
+        assert sweep.main([*SMALL, '-o', str(parquet)]) == 0
+        assert capsys.readouterr().out == said
+
+
 def test_interrupt_keeps_what_is_done(tmp_path):
     path = tmp_path / 'map.csv'
     # More than can be done before the signal comes.
