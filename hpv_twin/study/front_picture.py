@@ -11,15 +11,18 @@ from .goals import OBJECTIVES
 
 mpl.use('Agg')
 import matplotlib.pyplot as plt
+from matplotlib import patheffects
+from matplotlib.lines import Line2D
 
 CHOSEN, BASE, BOUND = '#c92a2a', '#e8590c', '#adb5bd'
 MOST_PAIRS = 6
 
 
-def draw_front(study: dict, columns: dict, chosen: int, path: Path) -> None:
+def draw_front(study: dict, columns: dict, chosen: int, base: dict, path: Path) -> None:
     """
-    Draw the front of a study; `chosen` is the place of the point to be marked.
+    Draw the front of a study.
 
+    `chosen` is the place of the point to be marked, `base` has the figures of the base design.
     Above, each pair of objectives, coloured by the first one not in it (by the first free field
     where there are two only); below, each free field against the first objective, with its bounds.
     Raises OSError where the file cannot be written.
@@ -33,6 +36,9 @@ def draw_front(study: dict, columns: dict, chosen: int, path: Path) -> None:
     for axes, pair in zip(above.subplots(1, len(pairs), squeeze=False)[0], pairs, strict=True):
         third = next((name for name in names if name not in pair), None)
         draw_pair(axes, columns, pair, third or free[0], chosen)
+        x, y = (base[name] * shown(name).factor for name in pair)
+        axes.plot(x, y, 'o', ms=9, color=BASE, mec='white')
+    above.legend(handles=legend(chosen), loc='outside upper center', ncols=4, frameon=False)
     first = shown(names[0])
     for axes, name in zip(below.subplots(1, len(free), sharey=True, squeeze=False)[0], free,
                           strict=True):
@@ -44,6 +50,14 @@ def draw_front(study: dict, columns: dict, chosen: int, path: Path) -> None:
     figure.suptitle(f'Pareto front, {len(columns[names[0]])} designs: {better}', fontsize=13)
     figure.savefig(path, dpi=100)
     plt.close(figure)
+
+
+def legend(chosen) -> list:
+    """What the marks and lines are."""
+    return [Line2D([], [], marker='*', ms=13, color=CHOSEN, ls='', label=f'point {chosen + 1}'),
+            Line2D([], [], marker='o', ms=8, color=BASE, ls='', label='base design'),
+            Line2D([], [], color=BASE, label='its value of a field'),
+            Line2D([], [], color=BOUND, ls=':', label='bounds of a field')]
 
 
 def draw_pair(axes, columns, pair, third, chosen) -> None:
@@ -68,9 +82,7 @@ def draw_field(axes, study, columns, pair, chosen) -> None:
     for bound in study['free'][name]:
         axes.axvline(bound * x.factor, color=BOUND, lw=1.0, ls=':')
     if study['design'][name] is not None:
-        axes.axvline(study['design'][name] * x.factor, color=BASE, lw=1.4,
-                     label='base design')
-        axes.legend(loc='best', fontsize=8)
+        axes.axvline(study['design'][name] * x.factor, color=BASE, lw=1.4)
     axes.set_xlabel(x.title.replace(' (', '\n('))
     axes.grid(alpha=0.3)
 
@@ -79,7 +91,8 @@ def mark(axes, x, y, chosen) -> None:
     """Mark the chosen point and write its number."""
     axes.plot(x, y, marker='*', ms=15, color=CHOSEN, mec='white', ls='none')
     axes.annotate(f'{chosen + 1}', (x, y), xytext=(8, 6), textcoords='offset points',
-                  color=CHOSEN, fontsize=10, weight='bold')
+                  color=CHOSEN, fontsize=10, weight='bold',
+                  path_effects=[patheffects.withStroke(linewidth=2.5, foreground='white')])
 
 
 def shown_any(name: str):

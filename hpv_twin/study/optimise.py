@@ -10,12 +10,15 @@ from pathlib import Path
 from hpv_twin import __version__
 from hpv_twin.designs import load_design
 from hpv_twin.model import Vibrator, VibratorError
+from hpv_twin.model.batch import run_designs
+from hpv_twin.model.designs import Designs
 
 from .farm import Farm
 from .figures import shown, shown_field
 from .front import choose, minimised
 from .goals import CONSTRAINTS, DEFAULT_OBJECTIVES, FREE, OBJECTIVES, read_goals
-from .results import Results, StudyFileError, read_columns, read_study
+from .problem import band_miss
+from .results import StudyFileError, read_columns, read_study, write_whole
 from .search import search
 from .sweep import add_common_options
 
@@ -100,13 +103,14 @@ def optimise(arguments) -> int:
               file=sys.stderr)
         return 130 if interrupted else 1
     chosen = choose(minimised(columns, names), names, arguments.choose)
-    print(summary(study, columns, chosen))
+    base = base_figures(study)
+    print(summary(study, columns, chosen, base))
     if arguments.design:
         arguments.design.write_text(design_of(study, columns, chosen), encoding='utf-8')
         print(f'written: {arguments.design}, point {chosen + 1}; '
               f'hpv-twin twin --ros-args -p vibrator:={arguments.design}', file=sys.stderr)
     if arguments.plot:
-        front_picture.draw_front(study, columns, chosen, arguments.plot)
+        front_picture.draw_front(study, columns, chosen, base, arguments.plot)
         print(f'drawn: {arguments.plot}', file=sys.stderr)
     return 130 if interrupted else 0
 
@@ -128,17 +132,18 @@ def new_front(arguments) -> tuple[dict, dict, bool]:
     if arguments.output and arguments.output.exists():
         raise StudyFileError(f'{arguments.output} exists: name another file with -o, or read it '
                              'with --from')
+
+    def keep(front, done):
+        columns = {name: of for name, of in front.columns.items() if name != 'regime_code'}
+        write_whole(arguments.output, study | {'tried': done}, columns)
     with Farm(arguments.threads, arguments.dask) as farm:
         front, done = search(base, goals, farm, arguments.population, arguments.evaluations,
-                             arguments.seed)
-    interrupted = done < arguments.evaluations
-    columns = front.columns
+                             arguments.seed, keep if arguments.output else None)
     if len(front) and arguments.output:
-        names = [name for name in columns if name != 'regime_code']
-        Results(arguments.output, study, names).append(columns)
+        keep(front, done)
         print(f'written: {arguments.output}, {len(front)} points after {done} designs',
               file=sys.stderr)
-    return study, columns, interrupted
+    return study, front.columns, done < arguments.evaluations
 
 
 def read_front(path: Path) -> tuple[dict, dict]:
@@ -149,25 +154,34 @@ def read_front(path: Path) -> tuple[dict, dict]:
     return study, read_columns(path)
 
 
-def summary(study: dict, columns: dict, chosen: int) -> str:
+def base_figures(study: dict) -> dict:
+    """Return the figures of the design that the search began from, each a float."""
+    base = Vibrator(**study['design'])
+    figures = run_designs(Designs(base, pump_flow=[base.pump_flow]), threads=1)
+    figures['band_miss'] = band_miss(figures['frequency'], study['frequency_band'])
+    return {name: values[0] for name, values in figures.items()}
+
+
+def summary(study: dict, columns: dict, chosen: int, base: dict) -> str:
     """What the front spans and what the chosen point is, in some lines."""
-    base = study['design']
-    lines = [f'{len(columns["frequency"])} points on the front', '']
+    fields = study['design']
+    lines = [f'{len(columns["frequency"])} points on the front', '',
+             f'{"":30}{"lowest":>14}{"highest":>14}{"point " + str(chosen + 1):>14}{"base":>14}']
     for name in study['objectives']:
         figure, more = OBJECTIVES[name]
         scale, values = shown(figure), columns[figure]
-        best = values.max() if more else values.min()
-        lines.append(f'{scale.label:34}{scale.text(values.min()):>12} to '
-                     f'{scale.text(values.max()):<12} best {scale.text(best)}; chosen '
-                     f'{scale.text(values[chosen])}')
+        lines.append(f'{scale.label + (", more" if more else ", less"):30}' + ''.join(
+            f'{scale.text(value):>14}'
+            for value in (values.min(), values.max(), values[chosen], base[figure])))
     lines += ['', f'point {chosen + 1}:']
     for name in study['free']:
         scale = shown_field(name)
         lines.append(f'  {scale.label:46}{scale.text(columns[name][chosen]):>14}   base '
-                     f'{scale.text(base[name]) if base[name] is not None else "by (19)"}')
+                     f'{scale.text(fields[name]) if fields[name] is not None else "by (19)"}')
     for figure in ('frequency', 'stroke', 'peak_pressure', 'return_pressure'):
         scale = shown(figure)
-        lines.append(f'  {scale.label:46}{scale.text(columns[figure][chosen]):>14}')
+        lines.append(f'  {scale.label:46}{scale.text(columns[figure][chosen]):>14}   base '
+                     f'{scale.text(base[figure])}')
     return '\n'.join(lines)
 
 

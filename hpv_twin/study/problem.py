@@ -65,19 +65,18 @@ class DesignProblem(Problem):
         count = len(designs)
         fields = {name: np.broadcast_to(getattr(designs, name), count) for name in self.columns}
         figures = self.farm.run(designs)
-        spring, (low, high) = self.goals.spring, self.goals.band
+        spring = self.goals.spring
         edge = jumper_edge(designs.slotted_spring_stiffness, spring.rings, spring.mean_radius,
                            spring.youngs_modulus)
         deflection = designs.preload + designs.stroke
         force = designs.slotted_spring_stiffness * deflection
-        frequency = figures['frequency']
         derived = (
             edge, greatest_stress(force, edge, spring.mean_radius),
             slot_room(deflection, edge, spring.rings),
             buckling_room(deflection, edge, spring.rings, spring.mean_radius),
             seat_contact_pressure(designs.twisted_spring_stiffness,
                                   designs.twisted_spring_preload, designs.sleeve_seat_diameter),
-            bound_of_28(designs), np.maximum(np.maximum(low - frequency, frequency - high), 0.0))
+            bound_of_28(designs), band_miss(figures['frequency'], self.goals.band))
         return fields | figures | {
             name: np.broadcast_to(values, count)
             for name, values in zip(DERIVED, derived, strict=True)} | {
@@ -110,3 +109,9 @@ class DesignProblem(Problem):
     def _evaluate(self, x, out, *_args, **_kwargs):
         self.latest = self.measure(x)
         out['F'], out['G'] = self.objectives(self.latest), self.constraints(self.latest)
+
+
+def band_miss(frequency, band: tuple[float, float]) -> np.ndarray:
+    """By how many Hz frequencies lie outside a band."""
+    low, high = band
+    return np.maximum(np.maximum(low - frequency, frequency - high), 0.0)

@@ -102,6 +102,14 @@ class Results:
         return metadata.get(b'hpv_twin', b'').decode()
 
 
+def write_whole(path: Path, study: dict, columns: dict) -> None:
+    """Write a results file at one blow: whoever reads it finds the old one or the new one."""
+    writing = path.with_name(f'{path.name}.writing')
+    writing.unlink(missing_ok=True)
+    Results(writing, study, list(columns)).append(columns)
+    os.replace(writing, path)
+
+
 def difference(there: str, here: str) -> str:
     """Say in what two studies differ, by their headers."""
     if not there.startswith(MARK):

@@ -3,7 +3,8 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from itertools import product
 
 import numpy as np
@@ -15,17 +16,20 @@ from hpv_twin.model import Vibrator
 from .front import Front
 from .problem import DesignProblem
 
+KEEPING = 5.0  # s between two times that the front is kept
 SHARPENING = 0.15  # share of the evaluations that goes to the ends of the front
 
 
 def search(base: Vibrator, goals, farm, population: int, evaluations: int,
-           seed: int) -> tuple[Front, int]:
+           seed: int, keep: Callable[[Front, int], None] | None = None) -> tuple[Front, int]:
     """
     Let NSGA-II try most of so many designs, and sharpen the ends of the front with the rest.
 
-    Returns the front, in order, and how many were tried. A Ctrl-C ends it early.
+    Returns the front, in order, and how many were tried. A Ctrl-C ends it early. `keep` is given
+    both now and then on the way, so that less is lost when the process is killed.
     """
     problem, front, done = DesignProblem(base, goals, farm), Front(), 0
+    due = time.monotonic() + KEEPING
     with contextlib.suppress(KeyboardInterrupt), \
             tqdm(total=evaluations, unit=' designs', smoothing=0.1, file=sys.stderr,
                  disable=None) as bar:
@@ -33,6 +37,9 @@ def search(base: Vibrator, goals, farm, population: int, evaluations: int,
             done += tried
             bar.update(tried)
             bar.set_postfix_str(f'{len(front)} on the front', refresh=False)
+            if keep and len(front) and time.monotonic() > due:
+                keep(front.sorted(), done)
+                due = time.monotonic() + KEEPING
     return front.sorted(), done
 
 

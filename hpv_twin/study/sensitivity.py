@@ -31,8 +31,8 @@ examples:
 figures: {', '.join(FIGURES_SHOWN)}
 
 Central differences with {STEP:g} and half of it, freed of their leading error; `~` marks where the
-two do not agree: the figure has a corner there. A field at 0 has no percent: its row tells the
-change of the figure, in percent, per SI unit of the field."""
+two do not agree: the figure has a corner there. A field at 0 has no percent: its row tells by how
+many percent the figure changes per unit of the field (the CSV and JSON: the share, per SI unit)."""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -172,9 +172,9 @@ def as_text(table: Table) -> str:
         for name, scale in zip(table.figures, shown_figures, strict=True)))
     for i in order(table):
         name = table.fields[i]
-        label = shown_field(name).label + (
-            f', per {FIELDS[name].metadata["unit"]}' if name in table.per_unit else '')
-        scale = 100.0 if name in table.per_unit else 1.0
+        field = shown_field(name)
+        label = field.label + (f', per {field.unit}' if name in table.per_unit else '')
+        scale = 100.0 / field.factor if name in table.per_unit else 1.0
         lines.append(f'  {label:46}' + ''.join(
             f'{text_of(scale * value, smooth):>18}'
             for value, smooth in zip(table.value[i], table.smooth[i], strict=True)))
@@ -185,7 +185,9 @@ def text_of(value: float, smooth: bool) -> str:
     """One derivative."""
     if not np.isfinite(value):
         return '-'
-    return f'{"" if smooth else "~"}{value + 0.0:.4f}' if abs(value) < 100 else f'{value:.3g}'
+    # Neither -0.0000 nor more digits than mean anything.
+    number = f'{round(value, 4) + 0.0:.4f}' if abs(value) < 100.0 else f'{value:.3g}'
+    return number if smooth else f'~{number}'
 
 
 def order(table: Table) -> np.ndarray:

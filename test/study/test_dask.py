@@ -12,8 +12,8 @@ pytest.importorskip('joblib')
 import distributed
 
 from hpv_twin.model import Vibrator
+from hpv_twin.study import farm, optimise, sweep
 from hpv_twin.study import grid as grids
-from hpv_twin.study import optimise, sweep
 from hpv_twin.study.farm import Farm
 from hpv_twin.study.results import read_columns
 
@@ -56,8 +56,8 @@ def test_a_front_by_two_workers_is_the_front_by_this_machine(cluster, tmp_path, 
 
 def test_a_killed_worker_costs_time_and_no_result(cluster):
     grid = seated_grid(60)
-    with Farm() as farm:
-        expected = farm.run(grid.designs(0, len(grid)))
+    with Farm() as workers:
+        expected = workers.run(grid.designs(0, len(grid)))
     victim = {}
 
     def kill_one():
@@ -65,17 +65,18 @@ def test_a_killed_worker_costs_time_and_no_result(cluster):
         with distributed.Client(cluster.scheduler_address) as client:
             victim['pid'] = next(iter(client.run(os.getpid).values()))
         os.kill(victim['pid'], signal.SIGKILL)
-    with Farm(scheduler=cluster.scheduler_address, chunk=100) as farm:
+    with Farm(scheduler=cluster.scheduler_address, chunk=100) as workers:
         killer = threading.Thread(target=kill_one)
         killer.start()
-        found = farm.run(grid.designs(0, len(grid)))
+        found = workers.run(grid.designs(0, len(grid)))
         killer.join()
     assert victim['pid']
     assert (np.nan_to_num(found['frequency']) == np.nan_to_num(expected['frequency'])).all()
     assert (found['regime'] == expected['regime']).all()
 
 
-def test_a_scheduler_that_is_not_there_is_told_in_one_line(capsys):
+def test_a_scheduler_that_is_not_there_is_told_in_one_line(capsys, monkeypatch):
+    monkeypatch.setattr(farm, 'ANSWER', 2)
     assert sweep.main(['--pump-flow', '2e-4:2e-3:3', '--preload', '3e-3:8e-3:3', '--dask',
                        'tcp://127.0.0.1:9']) == 2
     said = capsys.readouterr().err

@@ -18,7 +18,6 @@ from hpv_twin.study.front import Front, beaten, choose, minimised
 from hpv_twin.study.goals import OBJECTIVES, read_goals
 from hpv_twin.study.optimise import read_front
 from hpv_twin.study.problem import DesignProblem
-from hpv_twin.study.results import read_columns
 from hpv_twin.study.search import search
 
 BASE = Vibrator()
@@ -98,13 +97,19 @@ def test_ctrl_c_keeps_the_front_so_far(tmp_path):
         [sys.executable, '-m', 'hpv_twin', 'optimise', '--evaluations', '100000000', '-o',
          str(csv)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         start_new_session=True)
-    time.sleep(15.0)
+    # What a kill would leave is there before it ends.
+    deadline = time.monotonic() + 90.0
+    while not csv.exists() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    on_the_way = read_front(csv)[0]['tried']
     os.killpg(child.pid, signal.SIGINT)
     out, err = child.communicate(timeout=60)
     assert child.returncode == 130, err
     assert 'Traceback' not in err
     assert 'points on the front' in out
-    assert len(read_columns(csv)['frequency']) > 10
+    study, columns = read_front(csv)
+    assert len(columns['frequency']) > 10 and on_the_way <= study['tried'] < 100_000_000
+    assert [path.name for path in tmp_path.iterdir()] == ['front.csv']
 
 
 @pytest.mark.parametrize('text, words', [
