@@ -67,6 +67,12 @@ class Results:
             file.write(text.getvalue())
         self.rows += len(columns[0])
 
+    def count(self) -> int:
+        """Count the rows that are there by reading; a row cut short is cut off."""
+        if not self._complete:
+            self.rows = whole_rows(self._working)
+        return self.rows
+
     def blocks(self) -> Iterator[dict[str, np.ndarray]]:
         """Read the rows that are there, at most BLOCK of them at a time."""
         if not self._complete:

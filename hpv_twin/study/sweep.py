@@ -126,6 +126,8 @@ def work_through(grid: Grid, farm: Farm, output: Path | None,
                 bar.update(done - start)
                 start = done
     except KeyboardInterrupt:
+        # The file knows what it has: the signal may have come between its writing and our counting.
+        start = results.count() if results else start
         kept = f'kept in {output}, the same command goes on from there' if output else \
             'lost: with -o FILE they are kept'
         print(f'\nstopped: {start} of {len(grid)} designs {kept}', file=sys.stderr)

@@ -21,7 +21,9 @@ def shared_files():
 
 
 def in_use(path):
-    """Whether some process of this machine has the file in its memory."""
+    """Whether some process of this machine has the file in its memory; a mutex: its port."""
+    if path.name.startswith('sem.'):
+        path = SHARED / path.name.removeprefix('sem.').removesuffix('_mutex')
     for process in psutil.process_iter():
         try:
             if str(path) in Path(f'/proc/{process.pid}/maps').read_text():
