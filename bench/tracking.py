@@ -99,8 +99,8 @@ def main():
             step = (after.value(shown) - before.value(shown)) - (new - old)
             others = [abs(after.value(o) / before.value(o) - 1) for o in list(ESTIMATES)[:4]
                       if o != name]
-            # The first quarter of a second of a step is when it is not known yet.
-            phase = np.concatenate([run.phase_errors(started + 0.25),
+            # For half a second after a step it may not be known yet.
+            phase = np.concatenate([run.phase_errors(started + 0.5),
                                     run.phase_errors(2.0)[:-20]])
             rows.append([before.value(shown) / old - 1, step / new,
                          after.value(shown) / new - 1, max(others), abs(phase).max(),

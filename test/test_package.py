@@ -261,8 +261,8 @@ README = (ROOT / 'README.md').read_text(encoding='utf-8')
 
 
 def test_readme_tells_every_command_topic_service_and_parameter():
-    from hpv_twin.node.interface import INPUTS, OUTPUTS, PARAMETERS, SERVICES
-    topics = [setpoint.topic for setpoint in INPUTS.values()]
+    from hpv_twin.node.interface import INPUTS, MEASURED, OUTPUTS, PARAMETERS, SERVICES
+    topics = [*MEASURED, *(setpoint.topic for setpoint in INPUTS.values())]
     for name in [*COMMANDS, *OUTPUTS, *topics, *SERVICES, *PARAMETERS]:
         rows = [line for line in README.splitlines() if re.match(rf'\|.*`{name}[` ]', line)]
         assert rows, name

@@ -16,23 +16,27 @@ class FineRecording:
     `channels` are those of ~/pressure_fine and ~/plunger_position_fine in the recorder.
     """
 
-    def __init__(self, recorder, channels: tuple[int, int], plant, speed: float):
+    def __init__(self, recorder, channels: tuple[int, int], plant):
         self.channels = channels
-        self._recorder, self._plant, self._speed = recorder, plant, speed
+        self._recorder, self._plant = recorder, plant
 
-    def take(self, stamp: int, samples: np.ndarray) -> None:
-        """Queue the samples of a tick that ends at `stamp`, ns. For the pacing thread."""
+    def take(self, stamp: int, samples: np.ndarray, pace: float) -> None:
+        """
+        Queue the samples of a tick that ends at `stamp`, ns. For the pacing thread.
+
+        `pace`: model seconds per second, in which the samples' times are.
+        """
         count = samples.shape[1]
         if count:
-            item = stamp, self._plant.simulation.time, samples
+            item = stamp, self._plant.simulation.time, samples, pace
             self._recorder.write_rows(self, item, count)
 
     def rows(self, items: list) -> list[tuple[int, np.ndarray, np.ndarray]]:
         """Channel, stamps, ns, and values of the messages in `items`; in the recorder's thread."""
         stamps = np.concatenate([stamp - np.rint((end - samples[kernel.SAMPLE_TIME])
-                                                 * (SECOND / self._speed)).astype(np.int64)
-                                 for stamp, end, samples in items])
-        samples = np.concatenate([samples for _, _, samples in items], axis=1)
+                                                 * (SECOND / pace)).astype(np.int64)
+                                 for stamp, end, samples, pace in items])
+        samples = np.concatenate([samples for _, _, samples, _ in items], axis=1)
         pressure = samples[kernel.SAMPLE_P] + self._plant.ambient_pressure
         y, v = samples[kernel.SAMPLE_Y], samples[kernel.SAMPLE_V]
         sleeve = samples[kernel.SAMPLE_SLEEVE]

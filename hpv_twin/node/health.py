@@ -19,10 +19,11 @@ HIGHEST_PRESSURE = 40e6  # Pa gauge: there is no relief valve in the model, so i
 class Health:
     """Builds the report. `report()` is called once a second, from the executor's thread."""
 
-    def __init__(self, node_name: str, loop, inputs, recorder, say, steering):
+    def __init__(self, node_name: str, loop, inputs, recorder, say, steering, following):
         self._name, self._loop, self._inputs = node_name, loop, inputs
         self._recorder, self._say, self._steering = recorder, say, steering
-        self._held_before = True
+        self._held_before, self._following = True, following
+        self._findings_before = {}
         self._refused_before = self._failed_before = 0
         self._recorder_dropped_before = 0
         self._before = (time.monotonic(), loop.pacer.ticks, loop.busy)
@@ -30,13 +31,15 @@ class Health:
         self.margin = 1.0
 
     def report(self) -> DiagnosticArray:
-        """All five statuses; whoever publishes them adds the stamp."""
+        """All seven statuses; whoever publishes them adds the stamp."""
         array = DiagnosticArray()
         array.status = [self._status('model', *self._model()),
                         self._status('timing', *self._timing()),
                         self._status('inputs', *self._input()),
                         self._status('recorder', *self._recording()),
-                        self._status('hold', *self._hold())]
+                        self._status('hold', *self._hold()),
+                        self._status('tracking', *_as_levels(self._following.report)),
+                        self._status('condition', *self._condition())]
         return array
 
     def _status(self, part, level, message, values):
@@ -143,6 +146,16 @@ class Health:
         self._held_before = held
         return OK if held else WARN, text, values
 
+    def _condition(self):
+        findings, report = self._following.findings, self._following.condition_report
+        for fault, finding in findings.items():
+            if finding.level != self._findings_before.get(fault):
+                self._say('warning' if finding.level == 1 else 'error', finding.text)
+        for fault in self._findings_before.keys() - findings.keys():
+            self._say('info', f'no longer: {fault}')
+        self._findings_before = {fault: finding.level for fault, finding in findings.items()}
+        return _as_levels(report)
+
     def _recording(self):
         if self._recorder is None:
             return OK, 'not recording', {}
@@ -159,6 +172,11 @@ class Health:
         if recent:
             return WARN, f'{recent} messages not recorded in the last second', values
         return OK, 'recording' if status.recording else 'not recording', values
+
+
+def _as_levels(report):
+    level, message, values = report
+    return (OK, WARN, ERROR)[level], message, values
 
 
 def in_words(gap) -> str:

@@ -10,6 +10,8 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64
 
+from hpv_twin.tracking.estimator import ESTIMATES
+
 NODE_NAME = 'hpv_twin'
 JOINTS = ('plunger', 'valve_sleeve')
 PRESSURE_FRAME = 'cavity_a'
@@ -64,8 +66,11 @@ OUTPUTS = {output.name: output for output in (
            latched=True),
     Output('~/frequency', Float64, 'Hz', 'of each cycle; 0 once when oscillation has stopped'),
     Output('~/stroke', Float64, 'm', 'of each cycle; 0 once when oscillation has stopped'),
-    Output('/diagnostics', DiagnosticArray, '', 'model, timing, inputs, recorder, hold; once '
-           'a second'),
+    *(Output(f'~/estimate/{name}', Float64, unit, f'of the measured machine, each cycle: {text}')
+      for name, (unit, text) in ESTIMATES.items()),
+    Output('~/residual', Float64, 'Pa', 'RMS of measured minus model, each cycle'),
+    Output('/diagnostics', DiagnosticArray, '', 'model, timing, inputs, recorder, hold, '
+           'tracking, condition; once a second'),
 )}
 # Recorded at record_rate where that is above publish_rate; not published.
 FINE_OUTPUTS = {output.name: output for output in (
@@ -80,6 +85,12 @@ SETPOINTS = {setpoint.name: setpoint for setpoint in (
     Setpoint('preload', 'preload', 'm', None, 'preload_max', 'preload y01 of the slotted spring'),
     Setpoint('load', 'load', 'N', 'load_min', 'load_max', 'technological load F_T, signed'),
 )}
+# What sensors of a running machine say; recorded with what the twin says.
+MEASURED = {output.name: output for output in (
+    Output('~/measured/pressure', FluidPressure, 'Pa', 'of the machine, absolute', steady=True),
+    Output('~/measured/plunger_position', JointState, 'm', 'of the machine', steady=True),
+)}
+
 # Steers the pump flow; it is no state of the model.
 FREQUENCY_SETPOINT = Setpoint('frequency', '', 'Hz', None, '', 'frequency to be held by the pump '
                               'flow; 0, or a pump-flow setpoint, hands it back')

@@ -20,8 +20,9 @@ class Loop:
     """
     Runs the plant in a thread of its own; everything from outside reaches it through queues.
 
-    `outlet(name, stamp, payload)` publishes and records, `fine(stamp, samples)` takes what a
-    plant with a sample rate has sampled; they are called from this thread alone.
+    `outlet(name, stamp, payload)` publishes and records, `fine(stamp, samples, pace)` takes what
+    a plant with a sample rate has sampled, `pace` in model seconds per second; they are called
+    from this thread alone.
     """
 
     def __init__(self, plant: Plant, publish_rate: float, speed: float, outlet, float_payload,
@@ -29,7 +30,7 @@ class Loop:
         publish_period = SECOND / publish_rate
         self._ticks_per_publication = max(1, math.ceil(publish_period / LONGEST_TICK))
         period = round(publish_period / self._ticks_per_publication)
-        self._step = speed * period / SECOND
+        self._speed, self._step = speed, speed * period / SECOND
         self.plant = plant
         self.pacer = Pacer(period)
         self._outlet, self._float_payload = outlet, float_payload
@@ -43,7 +44,8 @@ class Loop:
         self._stop = threading.Event()
         self.paused = False
         # Called after each tick with the cycles it completed and whether oscillation has stopped.
-        self.steer = None
+        self.after_tick = []
+        self.trim = 1.0  # model time runs by this factor faster, to keep step with a machine
         self.published = 0
         self.busy = 0  # ns spent in ticks since the start
         self.slowest_setpoint = 0  # ns from receipt to being in force
@@ -79,6 +81,12 @@ class Loop:
     def post(self, function) -> None:
         """Have `function(stamp)` run between two ticks. Any thread may call."""
         self._calls.append(function)
+
+    def tell(self, values: dict[str, float]) -> None:
+        """Have numbers published by topic, with the stamp of the next tick. Any thread may call."""
+        payloads = {name: self._float_payload(value) for name, value in values.items()}
+        self.post(lambda stamp: [self._outlet(name, stamp, payload)
+                                 for name, payload in payloads.items()])
 
     def call(self, function, timeout: float = 1.0) -> bool:
         """Run `function()` between two ticks; False if the thread did not get to it in time."""
@@ -116,10 +124,11 @@ class Loop:
         while self._calls:
             self._calls.popleft()(stamp)
         if not self.paused:
-            cycles = self.plant.tick(self._step)
+            trim = self.trim
+            cycles = self.plant.tick(self._step * trim)
             self._publish(stamp, cycles)
             if self._fine is not None:
-                self._fine(stamp, self.plant.samples)
+                self._fine(stamp, self.plant.samples, self._speed * trim)
         if self._setpoints or self._to_latch:
             self._apply_setpoints(stamp)
 
@@ -139,8 +148,8 @@ class Loop:
         if stopped:
             self._outlet('~/frequency', stamp, self._float_payload(0.0))
             self._outlet('~/stroke', stamp, self._float_payload(0.0))
-        if self.steer is not None:
-            self.steer(cycles, stopped)
+        for look in self.after_tick:
+            look(cycles, stopped)
 
     def _apply_setpoints(self, stamp):
         """Put what has come in force for the ticks to come, and say what is in force."""

@@ -18,14 +18,17 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 
 from hpv_twin.model import Vibrator
+from hpv_twin.tracking.waveform import steady_waveform
 
 from .fine import FineRecording
+from .following import Following
 from .health import HEARTBEAT_LIMIT, Health
 from .inputs import Inputs, Limits
 from .interface import (
     CLOCK,
     HIGHEST_FREQUENCY,
     INPUTS,
+    MEASURED,
     NODE_NAME,
     OUTPUTS,
     PARAMETERS,
@@ -65,16 +68,19 @@ class TwinNode(Node):
         speed, recorded = self.settings['speed'], self.settings['record_rate']
         self._record_every = max(1, round(rate / recorded)) if recorded else 1
         fine = recorded > rate
-        self.recorder = make_recorder(self, vibrator, self._out, fine)
+        self.recorder = make_recorder(self, vibrator, fine)
         fine = fine and self.recorder is not None
         plant = Plant(vibrator, self.settings['ambient_pressure'],
                       recorded / speed if fine else 0.0)
-        self._fine = FineRecording(self.recorder, fine_channels(), plant, speed) if fine else None
+        self._fine = FineRecording(self.recorder, fine_channels(), plant) if fine else None
         self.loop = Loop(plant, rate, speed, self._publish, float_payload,
                          self._fine.take if fine else None)
         self.steering = Steering(self.loop, lambda: self.limits('pump_flow').high)
+        self.following = Following(self, self.loop, self.steering,
+                                   self.settings['ambient_pressure'],
+                                   self.settings['speed'] == 1.0)
         self.health = Health(self.get_fully_qualified_name(), self.loop, self.inputs,
-                             self.recorder, self.say, self.steering)
+                             self.recorder, self.say, self.steering, self.following)
         if not self.loop.exact_templates:
             self.say('warning', 'serialized messages differ from the templates: publishing the '
                      'slow way')
@@ -163,6 +169,11 @@ class TwinNode(Node):
                 OUTPUTS[name].steady and self.loop.published % self._record_every):
             self.recorder.write(index, stamp, payload)
 
+    def keep(self, name, stamp, payload):
+        """Record a measured message as it came, by its own stamp."""
+        if self.recorder is not None:
+            self.recorder.write(len(OUTPUTS) + list(MEASURED).index(name), stamp, payload)
+
     def _report(self):
         me = self.get_name(), self.get_namespace()
         self.inputs.namesake(self.get_fully_qualified_name(),
@@ -240,6 +251,7 @@ class TwinNode(Node):
         spare.tick(0.05)
         spare.position_values()
         self.steering.map()
+        steady_waveform(self.loop.plant.simulation.design)
         notice.cancel()
 
     def start(self) -> None:
@@ -250,6 +262,7 @@ class TwinNode(Node):
             _, publisher = self._out[f'~/{setpoint.name}']
             publisher.publish(float_payload(getattr(self.loop.plant.simulation, setpoint.field)))
         self.loop.start()
+        self.following.start()
 
     def last_words(self) -> None:
         """Report once more, from the thread that ends the node, that the loop has died."""
@@ -258,6 +271,7 @@ class TwinNode(Node):
 
     def close(self) -> None:
         """Stop the loop, finish the recording. Can be called twice."""
+        self.following.stop()
         self.loop.stop()
         if self.recorder is not None:
             self.recorder.close()

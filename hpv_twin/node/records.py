@@ -11,20 +11,20 @@ from hpv_twin.recording.recorder import Recorder
 from hpv_twin.recording.schemas import SchemaError, channel_for
 
 from .fine import layouts
-from .interface import FINE_OUTPUTS, OUTPUTS, PARAMETERS
+from .interface import FINE_OUTPUTS, MEASURED, OUTPUTS, PARAMETERS
 from .params_files import ParameterError
 
 
-def make_recorder(node, vibrator, publishers, fine: bool) -> Recorder | None:
+def make_recorder(node, vibrator, fine: bool) -> Recorder | None:
     """
     Build the recorder of a node; None, with a warning, where it cannot record.
 
-    With `fine` it has channels for what is sampled within a tick, behind those of the outputs.
+    With `fine` it has channels for what is sampled within a tick, behind all others.
     """
     settings = node.settings
     try:
-        channels = [channel(output, publishers[name][1].topic_name, settings['publish_rate'])
-                    for name, output in OUTPUTS.items()]
+        channels = [channel(output, node.resolve_topic_name(name), settings['publish_rate'])
+                    for name, output in (OUTPUTS | MEASURED).items()]
         if fine:
             channels += [channel(output, node.resolve_topic_name(name), settings['record_rate'],
                                  layout)
@@ -57,8 +57,9 @@ def make_recorder(node, vibrator, publishers, fine: bool) -> Recorder | None:
 
 
 def fine_channels() -> tuple[int, int]:
-    """Channels of what is sampled within a tick, behind those of the outputs."""
-    return len(OUTPUTS), len(OUTPUTS) + 1
+    """Channels of what is sampled within a tick, behind all others."""
+    first = len(OUTPUTS) + len(MEASURED)
+    return first, first + 1
 
 
 def channel(output, topic, publish_rate, layout=None):

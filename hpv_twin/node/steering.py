@@ -1,13 +1,19 @@
 """The frequency hold between the node's callbacks and the loop."""
 from __future__ import annotations
 
+import time
+
 from hpv_twin.tracking.frequency_map import FrequencyMap
-from hpv_twin.tracking.hold import OFF, FrequencyHold
+from hpv_twin.tracking.hold import MEASURED, OFF, FrequencyHold
+
+MEASURED_FOR = 0.5  # s after which the twin's own cycles count again
 
 
 class Steering:
     """
     Holds a frequency by setting the loop's pump flow. No ROS.
+
+    A measured machine's frequency counts before the twin's own.
 
     Maps are computed by whoever calls (some ms, without Python's lock); what has been computed
     is handed to the loop's thread, which alone touches the hold. `highest()` is the greatest pump
@@ -17,7 +23,8 @@ class Steering:
     def __init__(self, loop, highest):
         self._loop, self._highest = loop, highest
         self.hold = FrequencyHold(FrequencyMap.none())
-        loop.steer = self._steer
+        self._measured_until = 0.0
+        loop.after_tick.append(self._steer)
 
     def map(self, **setpoints: float) -> FrequencyMap:
         """Return the map at the setpoints in force, but for those given."""
@@ -55,11 +62,23 @@ class Steering:
             self._flow(self.hold.use(frequency_map, self._loop.plant.simulation.pump_flow))
         self._loop.post(change)
 
+    # Called by the thread that follows a machine -------------------------------------------------
+
+    def measured(self, frequency: float) -> None:
+        """Take the frequency of a measured machine, Hz; for a while it counts, not the twin's."""
+        self._loop.post(lambda _stamp: self._take(frequency))
+
+    def _take(self, frequency):
+        simulation = self._loop.plant.simulation
+        self._measured_until = time.monotonic() + MEASURED_FOR
+        self._flow(self.hold.cycle(simulation.time, frequency, simulation.pump_flow,
+                                   gains=MEASURED))
+
     # Called by the loop's thread -----------------------------------------------------------------
 
     def _steer(self, cycles, stopped):
         hold, simulation = self.hold, self._loop.plant.simulation
-        for cycle in cycles:
+        for cycle in cycles if time.monotonic() > self._measured_until else ():
             self._flow(hold.cycle(simulation.time, cycle.frequency, simulation.pump_flow,
                                   cycle.regime))
         if stopped:

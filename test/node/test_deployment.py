@@ -18,7 +18,7 @@ from hpv_twin.model import Vibrator
 
 pytest.importorskip('rclpy')
 
-from hpv_twin.node.interface import CLOCK, INPUTS, OUTPUTS, PARAMETERS, SERVICES
+from hpv_twin.node.interface import CLOCK, INPUTS, MEASURED, OUTPUTS, PARAMETERS, SERVICES
 
 PARAMS_FILE = ROOT / 'config/twin.yaml'
 LAUNCH_FILE = ROOT / 'launch/twin.launch.py'
@@ -26,7 +26,8 @@ POLICY = ROOT / 'config/sros2/hpv_twin.policy.xml'
 UNIT = ROOT / 'deploy/hpv-twin.service'
 DOCUMENT = ROOT / 'docs/deployment.md'
 
-TOPICS = {*OUTPUTS, CLOCK.name, *(setpoint.topic for setpoint in INPUTS.values())}
+TOPICS = {*OUTPUTS, CLOCK.name, *MEASURED,
+          *(setpoint.topic for setpoint in INPUTS.values())}
 
 
 # --- Params file ------------------------------------------------------------------------------
@@ -241,7 +242,7 @@ def test_policy_knows_the_interface_tables():
     allowed = policy()
     here = {right: {name.replace('~', '/hpv_twin') for name in names} for right, names in {
         'publish': [*OUTPUTS, CLOCK.name], 'reply': SERVICES,
-        'subscribe': [setpoint.topic for setpoint in INPUTS.values()]}.items()}
+        'subscribe': [*MEASURED, *(setpoint.topic for setpoint in INPUTS.values())]}.items()}
     assert all(here[right] <= allowed[right] for right in here)
 
 
