@@ -26,6 +26,7 @@ class Command(NamedTuple):
 COMMANDS = {
     'twin': Command('hpv_twin.node.twin', 'run the twin: a ROS 2 node that publishes and records'),
     'machine': Command('hpv_twin.node.machine', 'a stand-in for a real machine: sensors, faults'),
+    'demo': Command('hpv_twin.node.demo', 'a machine, its twin, a fault, the alarm, the replay'),
     'setpoint': Command('hpv_twin.node.setpoint', 'give a running twin new setpoints'),
     'replay': Command('hpv_twin.viewer.replay', 'open a recording in rerun'),
     'recover': Command('hpv_twin.recording.recover', 'make a damaged recording readable'),
@@ -43,6 +44,7 @@ examples:
   {PROG} setpoint --pump-flow 3.65e-4              the same while it runs (m³/s)
   {PROG} setpoint --preload 6e-3                   a stronger preload (m)
   {PROG} machine --to-file machine.mcap            what its sensors show, as a file
+  {PROG} demo                                      a machine followed, a fault, the alarm
   {PROG} replay                                    look at the newest recording
   {PROG} recover damaged.mcap -o whole.mcap
   {PROG} validate --plot validation.png            the model against the paper
