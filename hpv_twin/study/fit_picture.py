@@ -61,7 +61,7 @@ def draw_sensor(panels, fitted, samples, model, offset, how) -> None:
     fine = np.linspace(0.0, 1.0, 4000, endpoint=False)
     upper.plot(period * fine, model(fine) * factor, color=colour, lw=1.4, label='model')
     upper.set_ylabel(label)
-    upper.legend(loc='upper right')
+    upper.legend(loc='upper center')
     upper.grid(alpha=0.3)
     left = samples.value - offset - model(samples.phase + shift, samples.clock)
     lower.plot(period * phase[some], left[some] * factor, '.', ms=2, color=MEASURED)

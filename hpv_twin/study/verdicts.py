@@ -33,6 +33,7 @@ HARDLY = {
     'viscous_friction': 'so little friction moves the waveform by less than the noise',
     'plunger_mass': 'the masses show in some tenths of a millisecond of each cycle alone',
 }
+PRODUCT, ALMOST = frozenset(('preload', 'slotted_spring_stiffness')), 0.95
 NOTES = {'bulk_modulus': 'only the ratio kappa/W0 shows: this kappa goes with the W0 given'}
 
 
@@ -82,7 +83,7 @@ def judge(fit: Fit, refit: Callable[[Fit, tuple[str, ...]], Fit | None]) -> tupl
             verdicts.append(lost[name])
             continue
         verdicts.append(Verdict(name, unit_of(name), fit.value(name), INTERVAL * fit.sigma(name),
-                                True, note(name, lost)))
+                                True, note(fit, name, lost)))
     return fit, verdicts
 
 
@@ -114,12 +115,13 @@ def reason(fit: Fit, name: str) -> str:
     return words
 
 
-def note(name: str, lost: dict) -> str:
+def note(fit: Fit, name: str, lost: dict) -> str:
     """What a value goes with."""
     words = [NOTES[name]] if name in NOTES else []
-    for other in lost:
-        if frozenset((name, other)) in PAIRS:
-            words.append(f'holds for {other} as given')
+    if name in PRODUCT and set(fit.problem.names) >= PRODUCT and abs(
+            fit.correlation(*sorted(PRODUCT))) > ALMOST:
+        words.append('almost only the product k1*y01 shows, each of the two far less')
+    words += [f'holds for {other} as given' for other in lost if frozenset((name, other)) in PAIRS]
     return '; '.join(words)
 
 

@@ -106,6 +106,34 @@ def test_what_the_data_cannot_tell_is_said_with_the_reason():
     assert force.half < 0.01 * force.value and abs(force.value - truth) < 3.0 * force.half
 
 
+def test_preload_and_stiffness_are_almost_only_a_product_by_pressure_alone():
+    free = ('bulk_modulus', 'pump_flow', 'preload', 'slotted_spring_stiffness')
+    outcome = calibrate([measured(BASE, 2.0, position=False)], BASE, (*free, 'pressure_offset'))
+    preload = verdicts_of(outcome)['preload']
+    assert not preload.identified or 'only the product k1*y01' in preload.why
+    force = next(q for q in outcome.quantities if q.name == 'spring_force')
+    assert force.half / force.value < 0.1 * preload.half / preload.value
+
+
+def test_noise_alike_from_sample_to_sample_widens_the_intervals(outcome):
+    clean, random = measured(TRUTH, noise=0.0), np.random.default_rng(5)
+    noise = np.convolve(random.standard_normal(len(clean.time) + 24), np.ones(25) / 5.0, 'valid')
+    slow = Measured('slow', clean.time, clean.pressure + 8e4 * noise, clean.position_time,
+                    clean.position)
+    wide, narrow = verdicts_of(calibrate([slow], BASE)), verdicts_of(outcome)
+    assert wide['preload'].half > 2.0 * narrow['preload'].half
+    assert abs(wide['preload'].value - TRUTH.preload) < 2.0 * wide['preload'].half
+
+
+def test_a_coarse_converter_does_no_harm():
+    clean = measured(TRUTH, 2.0)
+    coarse = Measured('coarse', clean.time, np.round(clean.pressure / 5e4) * 5e4, clean.time,
+                      np.round(clean.position / 5e-5) * 5e-5)
+    found = verdicts_of(calibrate([coarse], BASE))
+    for name in ('bulk_modulus', 'pump_flow', 'preload', 'flow_coefficient'):
+        assert abs(found[name].value - getattr(TRUTH, name)) < 2.0 * found[name].half, name
+
+
 def test_what_is_not_noise_is_cautioned_of():
     outcome = calibrate([measured(TRUTH.replace(sleeve_seat_diameter=0.9 * TRUTH.
                                                 sleeve_seat_diameter))], BASE)
