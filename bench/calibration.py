@@ -151,6 +151,40 @@ def timing(folder):
           f'({min(times):.1f} to {max(times):.1f})')
 
 
+def refusals():
+    """Print what is said of recordings that are not of this machine."""
+    random, design = np.random.default_rng(2), Vibrator()
+
+    def shown(design, seconds=2.0, rate=5000.0):
+        trace = Simulation(design).advance(0.3 + seconds, rate)
+        kept = trace.time > 0.3
+        noise = 8e4 * random.standard_normal(np.count_nonzero(kept))
+        return trace.time[kept] - 0.3, trace.pressure[kept] + noise
+
+    time_, pressure = shown(design)
+    other = shown(design.replace(pump_flow=6e-4))[1]
+    none = np.empty(0)
+    cases = {
+        'no flow': [(time_, shown(design.replace(pump_flow=0.0))[1])],
+        'bar': [(time_, pressure * 1e-5)], 'MPa': [(time_, pressure * 1e-6)],
+        'gauge taken for absolute': [(time_, pressure - 4e5)],
+        'sensor reversed': [(time_, -pressure)],
+        'two machines in two files': [(time_, pressure), (time_, other)],
+        'settings that change': [(np.concatenate([time_, time_[-1] + 2e-4 + time_]),
+                                  np.concatenate([pressure, other]))],
+        'a sine of the same frequency': [(time_, 8e6 + 7e6 * np.sin(345.6 * time_))],
+        'a sleeve of half the seat': [shown(design.replace(sleeve_seat_diameter=0.018))],
+    }
+    print('refusals')
+    for name, recordings in cases.items():
+        try:
+            result = calibrate([Measured(f'{k}.mcap', *pair, none, none)
+                                for k, pair in enumerate(recordings)], design, FREE)
+            print(f'  {name}: NOT refused; what is left is {result.fit.order:.0f} times noise')
+        except CalibrationError as error:
+            print(f'  {name}: {error}')
+
+
 def main():
     """Print all tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
@@ -178,6 +212,7 @@ def main():
         print(f'refused: {refused} of {2 * arguments.machines}')
         wrong_starts(design, path, random)
         timing(folder)
+    refusals()
 
 
 if __name__ == '__main__':

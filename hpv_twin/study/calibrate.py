@@ -14,7 +14,7 @@ from hpv_twin.designs import HELP, METAVAR, load_design
 from hpv_twin.model import Vibrator, VibratorError
 
 from .fit import CHOICES, FREE, OFFSETS, Fit, Problem, fit
-from .folding import Fold, fold, same_machine
+from .folding import Fold, fold, refuse_other_stroke, same_machine
 from .guesses import first_guesses
 from .measured import AMBIENT, CalibrationError, Measured, RecordingError, read_measured
 from .samples import first_samples
@@ -231,6 +231,8 @@ def calibrate(recordings: list[Measured], start: Vibrator,
     """Calibrate from recordings of one machine; CalibrationError says why they are refused."""
     folds = [fold(measured) for measured in recordings]
     same_machine(recordings, folds)
+    for measured in recordings:
+        refuse_other_stroke(measured, start.stroke)
     laid = [first_samples(measured, one) for measured, one in zip(recordings, folds, strict=True)]
     pressures, positions = ([pair[k] for pair in laid] for k in range(2))
     if not any(positions):

@@ -13,6 +13,8 @@ FEWEST = 6  # cycles
 UNSTEADY = 3e-3  # relative change of the period over a recording that is none of a steady machine
 IRREGULAR = 0.04  # of a period: how far falls may lie from an even pace
 SEGMENTS = 8
+RESTLESS = 1.2  # of sample-to-sample differences to the samples: 1.4 is plain noise
+FAR = 4.0
 UNITS = {'bar': 1e-5, 'MPa': 1e-6, 'kPa': 1e-3, 'psi': 1.450377e-4}
 LEAST_RANGE = 1e5  # Pa
 
@@ -40,6 +42,7 @@ class Fold:
 def fold(measured: Measured) -> Fold:
     """Find period and pace of a recording; CalibrationError where no steady machine is in it."""
     low, high = np.percentile(measured.pressure, (0.5, 99.5))
+    refuse_stillness(measured, low, high)
     refuse_other_units(measured, low, high)
     falls, level = falls_of(measured, low, high)
     if len(falls) < FEWEST:
@@ -81,6 +84,23 @@ def falls_of(measured: Measured, low: float, high: float) -> tuple[np.ndarray, f
         share = (pressure[k] - level) / (pressure[k] - pressure[k + 1])
         falls.append(time[k] + share * (time[k + 1] - time[k]))
     return np.array(falls), level
+
+
+def refuse_stillness(measured: Measured, low: float, high: float) -> None:
+    """Raise CalibrationError where each sample knows nothing of the one before: plain noise."""
+    if np.std(np.diff(measured.pressure)) > RESTLESS * np.std(measured.pressure):
+        raise CalibrationError(f'{measured.name}: the machine does not oscillate: noise between '
+                               f'{low:.4g} and {high:.4g} Pa gauge, without a cycle in it')
+
+
+def refuse_other_stroke(measured: Measured, stroke: float) -> None:
+    """Raise CalibrationError where the position moves by far more or less than a stroke, m."""
+    if len(measured.position):
+        low, high = np.percentile(measured.position, (0.5, 99.5))
+        if not stroke / FAR < high - low < FAR * stroke:
+            raise CalibrationError(
+                f'{measured.name}: the position moves by {high - low:.4g} m, the stroke is '
+                f'{stroke:.4g} m: is it in other units than m? --no-position leaves it out')
 
 
 def refuse_other_units(measured: Measured, low: float, high: float) -> None:

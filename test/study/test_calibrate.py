@@ -147,7 +147,9 @@ def test_several_recordings_of_one_machine_say_more(outcome):
 
 
 @pytest.mark.parametrize('recordings, words', [
-    ([measured(BASE.replace(pump_flow=0.0))], 'oscillate|irregular'),
+    ([measured(BASE.replace(pump_flow=0.0))], 'does not oscillate'),
+    ([Measured('mm', m.time, m.pressure, m.time, 1e3 * m.position) for m in [measured(BASE)]],
+     'in other units than m'),
     ([Measured('bar', m.time, m.pressure * 1e-5, m.time[:0], m.time[:0])
       for m in [measured(BASE)]], 'in bar'),
     ([Measured('MPa', m.time, m.pressure * 1e-6, m.time[:0], m.time[:0])
