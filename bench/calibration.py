@@ -5,7 +5,7 @@ Calibration against machines whose values are known: errors, coverage of the int
     python bench/calibration.py --machines 10
 
 Each machine is a design drawn at random about the base design, in every field, and its motion is
-integrated by an integrator other than the twin's own: solve_ivp, row by row (row_by_row.py). Noise
+integrated by an integrator other than the twin's own: Euler's method in C, steps of 0.1 µs. Noise
 is 0.5 % of the range, rates are 2 to 10 kHz, and the start is the machine's own design with the
 free parameters off by up to 20 %. Each recording is calibrated twice: with position, and by
 pressure alone.
