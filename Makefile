@@ -23,7 +23,7 @@ endif
 .SILENT:
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help twin setpoint given replay pictures test test-long coverage colcon lint bench soak lock clean
+.PHONY: help twin setpoint given demo replay pictures test test-long coverage colcon lint bench soak lock clean
 
 help: ## this list
 	printf 'hpv_twin: a real-time digital twin of a hydropulse vibrator\n\n'
@@ -42,6 +42,9 @@ setpoint: given $(installed)-ros ## steer it: FLOW=3.65e-4 (m³/s) PRELOAD=6e-3 
 given:
 	$(if $(FLOW)$(PRELOAD)$(LOAD)$(ARGS),,$(error give FLOW (m³/s), PRELOAD (m) or LOAD (N), \
 	  for example: make setpoint FLOW=3.65e-4))
+
+demo: $(installed)-ros-viewer ## a machine, its twin, a fault found, the replay; ARGS='--fault worn_slot'
+	exec $(py) -m hpv_twin demo $(ARGS)
 
 replay: $(installed)-viewer ## see the newest recording in rerun; FILE=bags/example.mcap names one
 	exec $(py) -m hpv_twin replay $(if $(FILE),'$(FILE)') $(ARGS)
@@ -65,13 +68,18 @@ colcon: $(installed)-$(EXTRAS) ## is it a ROS package? colcon and pip install it
 lint: $(installed)-$(EXTRAS) ## ruff alone
 	$(py) -m ruff check
 
-bench: $(installed)-$(EXTRAS) ## tables: speed of the model, rate and lateness of the node, setpoints
+bench: $(installed)-$(EXTRAS) ## all tables: model, node, recorder, studies, calibration, tracking; half an hour
 	$(py) bench/model_speed.py
 	$(py) bench/node_rate.py
 	$(py) bench/setpoint_response.py
 	$(py) bench/under_fire.py
 	$(py) bench/studies.py
 	$(py) bench/replay_speed.py
+	$(py) bench/recorder_cost.py
+	$(py) bench/calibration.py
+	$(py) bench/frequency_hold.py
+	$(py) bench/tracking.py
+	$(py) bench/fault_matrix.py
 
 MINUTES ?= 20
 soak: $(installed)-$(EXTRAS) ## the twin for MINUTES=20: memory, gaps, lateness, drift
